@@ -79,7 +79,8 @@ Exact = _block(
                      "view_dependent", "light_noise"), Rate),
 )  # fmt: skip
 SceneFacts = _block(
-    "SceneFacts", name=str, path=str, sha256=str, duration_s=float, playing=list[str], stand_in=str
+    "SceneFacts", name=str, path=str, sha256=str, duration_s=float, playing=list[str], stand_in=str,
+    selection=dict[str, Any],
 )  # fmt: skip
 RunSettings = _block(
     "RunSettings", width=float, height=float, fps=float, reprojection=str, sampling=str,

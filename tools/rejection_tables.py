@@ -198,7 +198,8 @@ def gates_table(results: Results) -> str:
 
 def gates_figure(results: Results, path: Path) -> None:
     """Variance and bias of restir-di by the recall of the test that gates its history, a column for each scene."""
-    from taubench_gl.report.plot import SERIES_COLORS, Plot
+    from taubench_gl.report.method_styles import COLORS
+    from taubench_gl.report.plot import Plot
 
     plot = Plot("", 11.0, 6.4, rows=2, columns=len(GATE_SCENES), sharex=True)
     above, below = plot.panels[: len(GATE_SCENES)], plot.panels[len(GATE_SCENES) :]
@@ -209,7 +210,7 @@ def gates_figure(results: Results, path: Path) -> None:
         top.axhline(alone, color="black", linewidth=0.9, linestyle=":", label="no history")
         bottom.axhline(0.0, color="black", linewidth=0.9)
         for i, (test, point) in enumerate(points.items()):
-            style = {"color": SERIES_COLORS[i % len(SERIES_COLORS)], "linestyle": "", "markersize": 7}
+            style = {"color": COLORS[i % len(COLORS)], "linestyle": "", "markersize": 7}
             marker = "os^DvPX*<>"[i % 10]
             top.plot(point["recall"], point["unbiased"]["variance"], marker, label=test, **style)
             for combination, face in (("unbiased", "none"), ("biased", None)):

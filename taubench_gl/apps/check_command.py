@@ -61,14 +61,13 @@ def check(
     from taubench_gl.pathtraced.sequence import PathTracedSequence
     from taubench_gl.pathtraced.write_mapping import write_found, write_guess
 
-    if write_mapping is not None:
-        if files.mapping is None:
-            write_guess(write_mapping, PathTracedSequence.open(spec).index.names)
-            files = replace(files, mapping=write_mapping)
-        images, result = _checked(spec, settings, files, pairs)
-        write_found(write_mapping, images.sequence.index, result)
+    if write_mapping is not None and files.mapping is None:
+        write_guess(write_mapping, PathTracedSequence.open(spec).index.names)
         files = replace(files, mapping=write_mapping)
     images, result = _checked(spec, settings, files, pairs)
+    if write_mapping is not None:
+        write_found(write_mapping, images.sequence.index, result)
+        images, result = _checked(spec, settings, replace(files, mapping=write_mapping), pairs)
     summary = check_summary(result, images.sequence)
     if as_json:
         show_json(summary)

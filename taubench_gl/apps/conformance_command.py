@@ -81,7 +81,7 @@ def score(
     if as_json:
         show_json(summary)
     else:
-        show_tables(score_tables(summary))
+        show_tables(score_tables(scores, summary))
     if out is not None:
         save_scores(scores, summary, sizes, out)
         click.echo(f"written to {out}{os.sep}", err=as_json)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.conformance.cases import Case
 from taubench_gl.conformance.stage import FRAMES
 from taubench_gl.conformance.truth import Truth
 from taubench_gl.data_files import stored_arrays
@@ -21,7 +22,7 @@ from taubench_gl.pathtraced.passes import (
     load_mapping,
     read_frame,
 )
-from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.pathtraced.sequence import PathTracedSequence, find_frames
 
 Array = np.ndarray
 EXR, NPZ = "exr:", "npz:"
@@ -67,40 +68,25 @@ class EngineFrames:
         """Whether there are files of ``case``."""
         return any((self.folder / case).glob(f"*.{self.kind[:3]}"))
 
-    def open(self, case: str) -> CaseFrames:
-        """The frames of ``case`` as their files have them.
+    def open(self, case: Case) -> tuple[Truth, list[EngineFrame]]:
+        """The truth of ``case`` at the size of the frames, and the frames in its units.
 
         Raises PathTracedError for damaged files, another number of frames and several sizes.
         """
-        folder = self.folder / case
+        folder = self.folder / case.name
         if self.kind == EXR:
             sequence = PathTracedSequence.open(folder, mapping=self._mapping, layer=self._layer)
             frames = [sequence.read(number, geometry=False) for number in sequence.frames]
             mapping = sequence.mapping
         else:
             mapping = self._named or load_mapping(EXPORT_PRESET)
-            frames = [_read_npz(path, mapping) for path in sorted(folder.glob("*.npz"))]
+            files = find_frames(folder / "*.npz").values()
+            frames = [_read_npz(path, mapping) for paths in files for path in paths]
         if len(frames) != FRAMES or len({frame.size for frame in frames}) != 1:
             message = f"has {len(frames)} frames of {len({frame.size for frame in frames})} sizes"
             raise PathTracedError(message, where=str(folder), hint=f"a case has {FRAMES} frames of one size")
-        return CaseFrames(frames, mapping)
-
-
-@dataclass(frozen=True, slots=True)
-class CaseFrames:
-    """The files of one case, read by ``mapping``."""
-
-    frames: list[PathTracedFrame]
-    mapping: PassMap
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        return self.frames[0].size
-
-    def convert(self, truth: Truth) -> list[EngineFrame]:
-        """The frames in the units of ``truth``, which is of their size."""
-        return [_convert(frame, self.mapping, truth, k) for k, frame in enumerate(self.frames)]
+        truth = Truth(case, frames[0].size)
+        return truth, [_convert(frame, mapping, truth, k) for k, frame in enumerate(frames)]
 
 
 def half_step(values: Array) -> Array:
@@ -118,17 +104,16 @@ def half_step(values: Array) -> Array:
 def _read_npz(path: Path, mapping: PassMap) -> PathTracedFrame:
     with stored_arrays(path, PathTracedError) as arrays:
         values = {name: np.atleast_3d(arrays[name]) for name in arrays.files if np.ndim(arrays[name]) in (2, 3)}
-    sizes = {array.shape[:2] for array in values.values() if min(array.shape[:2]) > 4}  # matrices are smaller
+    images = {name: array for name, array in values.items() if min(array.shape[:2]) > 4}  # matrices are smaller
+    sizes = {array.shape[1::-1] for array in images.values()}
     if len(sizes) != 1:
-        raise PathTracedError(
-            "has no images of one size", where=str(path), hint="one array (h, w, components) per pass"
-        )
-    height, width = sizes.pop()
-    window = (0, 0, width - 1, height - 1)
+        hint = "one array (h, w, components) per pass"
+        raise PathTracedError("has no images of one size", where=str(path), hint=hint)
+    size = sizes.pop()
+    window = (0, 0, size[0] - 1, size[1] - 1)
     planes = {f"{name}.{letter}": (array[..., i], window)
-              for name, array in values.items() if array.shape[:2] == (height, width)
-              for i, letter in zip(range(array.shape[2]), LETTERS)}  # fmt: skip
-    image = ExrImage(path, (width, height), planes, window)
+              for name, array in images.items() for i, letter in zip(range(array.shape[2]), LETTERS)}  # fmt: skip
+    image = ExrImage(path, size, planes, window)
     return read_frame(image, ChannelIndex(image.names, mapping), geometry=False)
 
 

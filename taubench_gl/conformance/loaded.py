@@ -6,14 +6,16 @@ import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
+from taubench_gl.animation import pose_vertices
 from taubench_gl.animation.surface import nearest_points
 from taubench_gl.conformance.frames import EngineFrame
 from taubench_gl.conformance.poses import base_shape, bind_pose
 from taubench_gl.conformance.stage import FRAMES
-from taubench_gl.conformance.truth import Frame, Truth
+from taubench_gl.conformance.truth import Frame, Pose, Truth
 
 Array = np.ndarray
 NEAR, PLACED_PX = 0.005, 0.3
@@ -54,8 +56,7 @@ def _spread(points: Array) -> Array:
     total = np.zeros(points.shape[:2])
     for axis in (0, 1):
         steps = np.linalg.norm(np.diff(points, axis=axis), axis=-1)
-        ends = [np.pad(steps, [side if i == axis else (0, 0) for i in (0, 1)], constant_values=np.inf)
-                for side in ((1, 0), (0, 1))]  # fmt: skip
+        ends = [np.insert(steps, end, np.inf, axis=axis) for end in (0, steps.shape[axis])]
         nearer = np.fmin(*ends)
         total += np.where(np.isfinite(nearer), nearer, 0.0)
     return total
@@ -101,8 +102,9 @@ def _explanations(truth: Truth, engine: list[EngineFrame], wrong: list[int]) -> 
     def drawn(**how) -> Callable[[int], float]:
         return seen(lambda k: _points(truth, k, **how))
 
+    placed, world = engine[0].points is not None, engine[0].world
     yield "rows: the first row of an image is its lowest", changed(lambda frame, k: _flipped(frame))
-    if engine[0].points is not None:
+    if placed:
         for origin in (True, False):
             scale = _scale(truth, engine, wrong, origin)
             text = f"units: lengths are {scale:.4g} times those of the file"
@@ -112,12 +114,12 @@ def _explanations(truth: Truth, engine: list[EngineFrame], wrong: list[int]) -> 
             text = f"axes: x, y, z of the scene are {', '.join(names)} of the positions"
             for origin in (True, False):
                 yield text, changed(partial(_turned, truth, matrix, origin))
-    for shift in (-1, 1):
-        text = f"pose: every frame shows the pose of the one {'before' if shift < 0 else 'after'} it"
-        yield text, seen(partial(_of_frame, truth, engine[0].world, shift=shift))
+    for shift, word in ((-1, "before"), (1, "after")):
+        at = partial(lambda k, by: _of_frame(truth, world, k, k + by), by=shift)
+        yield f"pose: every frame shows the pose of the one {word} it", seen(at)
     for other in range(FRAMES):
-        text = f"pose: frames show the pose of frame {other}"
-        yield text, seen(partial(_of_frame, truth, engine[0].world, other=other))
+        at = partial(_of_frame, truth, world, other=other)
+        yield f"pose: frames show the pose of frame {other}", seen(at)
     yield "alpha: what an alpha mask cuts out is drawn", drawn(masked=False)
     yield "visibility: what is hidden is drawn", drawn(hidden=True)
     yield "skin: the bind pose is drawn", drawn(pose=bind_pose)
@@ -125,56 +127,50 @@ def _explanations(truth: Truth, engine: list[EngineFrame], wrong: list[int]) -> 
     for node in sorted({int(n) for k in wrong for n in np.unique(truth.frame(k).node) if n >= 0}):
         name = truth.scene.nodes.names[node]
         yield f"mesh: {name!r} is missing", drawn(without=node)
-        if engine[0].points is not None:
+        if placed:
             yield f"pose: {name!r} is elsewhere, all else is not", partial(_elsewhere, truth, engine, node)
-    if engine[0].points is not None and engine[0].world:
+    if placed and world:
         yield "camera: the surfaces are the scene's, seen by another camera", partial(_on_surfaces, truth, engine)
 
 
-def _points(truth: Truth, number: int, **how) -> Array:
-    """What the camera sees of a scene that is drawn wrongly (``Truth.drawn``): points (h, w, 3), NaN for sky."""
-    hits = truth.drawn(number, **how)
-    vertices = truth.vertices(number, **({"pose": how["pose"]} if "pose" in how else {}))
-    return truth.at(hits, vertices).reshape(*truth.size[::-1], 3)
+def _points(truth: Truth, number: int, pose: Pose = pose_vertices, **how: Any) -> Array:
+    """What the camera sees of a scene that is drawn wrongly (``Truth.cast``): points (h, w, 3), NaN for sky."""
+    hits = truth.drawn(number, pose=pose, **how)
+    return truth.at(hits, truth.vertices(number, pose)).reshape(*truth.size[::-1], 3)
 
 
 def _flipped(frame: EngineFrame) -> EngineFrame:
-    names = ("sky", "points", "normal", "step_m")
-    rows = {name: getattr(frame, name)[::-1] for name in names if isinstance(getattr(frame, name), np.ndarray)}
-    return replace(frame, **rows)
+    values = {name: getattr(frame, name) for name in ("sky", "points", "normal", "step_m")}
+    return replace(frame, **{name: value[::-1] for name, value in values.items() if np.ndim(value)})
 
 
 def _turned(truth: Truth, matrix: Array, origin: bool, frame: EngineFrame, number: int) -> EngineFrame:
     """The frame with its points multiplied by ``matrix`` about the origin of the world, else about the camera."""
-    at = truth.view(number).position if origin else np.zeros(3)
+    at = truth.view(number).position * origin
     with np.errstate(invalid="ignore", over="ignore"):
         return replace(frame, points=(frame.points + at) @ matrix.T - at)
 
 
 def _scale(truth: Truth, engine: list[EngineFrame], wrong: list[int], origin: bool) -> float:
     """Median ratio of the lengths of the engine's points and the right ones, from the world's origin or the camera."""
-    ratios = [np.ones(1)]
+    ratios = []
     for k in wrong:
-        eye = truth.view(k).position
-        at = eye if origin else np.zeros(3)
-        both = ~engine[k].sky & np.isfinite(truth.frame(k).position).all(axis=-1)
-        right = np.linalg.norm(truth.frame(k).position[both] - eye + at, axis=-1)
-        ratios.append(np.linalg.norm(engine[k].points[both] + at, axis=-1) / right)
-    return float(np.nanmedian(np.concatenate(ratios))) or 1.0
+        frame = truth.frame(k)
+        at, both = frame.view.position * origin, ~engine[k].sky & (frame.node >= 0)
+        right = frame.position[both] - frame.view.position + at
+        ratios.append(np.linalg.norm(engine[k].points[both] + at, axis=-1) / np.linalg.norm(right, axis=-1))
+    return float(np.nanmedian(np.concatenate([np.ones(1), *ratios]))) or 1.0
 
 
-def _axes() -> Iterator[Array]:
-    """The signed permutations of three axes, less the identity: 47 matrices."""
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            matrix = np.eye(3)[list(order)] * np.array(signs)[:, None]
-            if not np.array_equal(matrix, np.eye(3)):
-                yield matrix
+def _axes() -> list[Array]:
+    """The signed permutations of three axes, less the first, which is the identity: 47 matrices."""
+    orders, signs = itertools.permutations(np.eye(3)), list(itertools.product((1.0, -1.0), repeat=3))
+    return [np.array(order) * np.reshape(sign, (3, 1)) for order in orders for sign in signs][1:]
 
 
-def _of_frame(truth: Truth, world: bool, number: int, *, shift: int = 0, other: int | None = None) -> Array:
-    """What another frame shows, (h, w, 3); points that are no ``world`` positions are moved along with the camera."""
-    shown = truth.frame(int(np.clip(number + shift, 0, FRAMES - 1)) if other is None else other)
+def _of_frame(truth: Truth, world: bool, number: int, other: int) -> Array:
+    """What frame ``other`` shows, (h, w, 3); points that are no ``world`` positions are moved along with the camera."""
+    shown = truth.frame(int(np.clip(other, 0, FRAMES - 1)))
     if world:
         return shown.position
     view, now = shown.view, truth.view(number)

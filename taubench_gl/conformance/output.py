@@ -85,7 +85,7 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def score_tables(summary: Mapping[str, Any]) -> list[Table]:
+def score_tables(scores: Sequence[CaseScore], summary: Mapping[str, Any]) -> list[Table]:
     """One row for each case: its verdict, the share of wrong vectors, errors, and why."""
     columns = (
         Column("verdict"), Column("wrong", "%", 2, "Vectors off by more than 0.1 px, of the scored pixels"),
@@ -94,37 +94,30 @@ def score_tables(summary: Mapping[str, Any]) -> list[Table]:
         Column("recall", "%", 1, "Of pixels without history, those that were rejected"),
     )  # fmt: skip
     rows = []
-    for case in summary["cases"]:
-        pixels = sum(each["pixels"] for each in case["classes"])
-        wrong = sum(each["pixels"] * each["wrong_percent"] for each in case["classes"]) / pixels if pixels else None
-        worst = [max((each[key] for each in case["classes"] if each[key] is not None), default=None)
-                 for key in ("p95_px", "max_px")]  # fmt: skip
-        causes = {}
-        for each in case["classes"]:
-            if each["cause"]:
-                causes.setdefault(each["cause"], []).append(each["name"])
-        why = case["reason"] or "; ".join(f"{', '.join(names)}: {cause}" for cause, names in causes.items())
-        rejection = case.get("rejection", {})
-        share = [None if rejection.get(key) is None else 100 * rejection[key] for key in ("precision", "recall")]
-        reasons = {0: why} if why else {}
-        rows.append(Row(case["name"], (case["status"], wrong, *worst, *share), reasons=reasons))
+    for score in scores:
+        pixels = sum(each.pixels for each in score.classes)
+        wrong = 100 * sum(each.wrong for each in score.classes) / pixels if pixels else None
+        errors = [[getattr(each, name) for each in score.classes] for name in ("p95_px", "max_px")]
+        largest = [max(filter(math.isfinite, values), default=None) for values in errors]
+        shares = [None if x is None else 100 * x for x in precision_recall(score.rejection or Counter())]
+        reasons = {0: score.why} if score.why else {}
+        rows.append(Row(score.name, (score.status, wrong, *largest, *shares), reasons=reasons))
     counts = f"{summary['right']} cases right, {summary['wrong']} wrong, {summary['not_judged']} not judged"
     lead = [f"{summary['engine']}: {counts}", *(f"{c['text']}: cases {c['cases']}" for c in summary["causes"])]
     return [Table("conformance", "Conformance", columns, tuple(rows), lead=tuple(lead))]
 
 
-def junit(summary: Mapping[str, Any]) -> str:
+def junit(scores: Sequence[CaseScore], summary: Mapping[str, Any]) -> str:
     """The scores as JUnit XML: wrong cases are failures, cases that are not judged are skipped."""
     suite = ElementTree.Element("testsuite", name=f"conformance of {summary['engine']}", errors="0",
-                                tests=str(len(summary["cases"])), failures=str(summary["wrong"]),
+                                tests=str(len(scores)), failures=str(summary["wrong"]),
                                 skipped=str(summary["not_judged"]))  # fmt: skip
-    for case in summary["cases"]:
-        element = ElementTree.SubElement(suite, "testcase", classname="conformance", name=case["name"])
-        failed = [each for each in case["classes"] if each["cause"]]
-        if case["status"] == NOT_JUDGED:
-            ElementTree.SubElement(element, "skipped", message=case["reason"])
-        elif case["status"] == WRONG:
-            text = "; ".join(f"{each['name']}: {each['wrong_percent']:.1f} % wrong, {each['cause']}" for each in failed)
+    for score in scores:
+        element = ElementTree.SubElement(suite, "testcase", classname="conformance", name=score.name)
+        if score.status == NOT_JUDGED:
+            ElementTree.SubElement(element, "skipped", message=score.reason)
+        elif score.status == WRONG:
+            text = "; ".join(_class_line(each) for each in score.classes if each.failed)
             ElementTree.SubElement(element, "failure", message=text)
     ElementTree.indent(suite)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suite, encoding="unicode") + "\n"
@@ -136,7 +129,7 @@ def save_scores(
     """Write the scores to ``out`` as JSON, JUnit XML and a page; ``sizes``: of each case.  Raises OutputError."""
     out = output_folder(out)
     write_atomically(out / SCORE_FILE, json.dumps(summary, indent=1, allow_nan=False) + "\n")
-    write_atomically(out / JUNIT_FILE, junit(summary))
+    write_atomically(out / JUNIT_FILE, junit(scores, summary))
     write_atomically(out / PAGE_FILE, _page(scores, summary, sizes).html())
     return [out / name for name in (SCORE_FILE, JUNIT_FILE, PAGE_FILE)]
 
@@ -144,34 +137,28 @@ def save_scores(
 def _page(scores: Sequence[CaseScore], summary: Mapping[str, Any], sizes: Mapping[str, tuple[int, int]]) -> Page:
     """The page: the worst pixel of the worst case first, then the table, then every other wrong case."""
     page = Page(f"{summary['engine']}: conformance", kind="conformance suite")
-    wrong = sorted((s for s in scores if s.worst and s.status == WRONG), key=lambda s: -_length(s.worst))
+    wrong = [score for score in scores if score.worst and score.status == WRONG]
+    wrong.sort(key=lambda score: _number(score.worst.error_px) or 0.0, reverse=True)
     for score in wrong[:1]:
         page.add("worst", f"The worst pixel: case {score.name}", *_shown(score, sizes[score.name]))
-    page.add("cases", "All cases", to_html(score_tables(summary), scroll=True))
+    page.add("cases", "All cases", to_html(score_tables(scores, summary), scroll=True))
     for score in wrong[1:]:
         page.add(score.name, f"Case {score.name}", *_shown(score, sizes[score.name]))
     return page
 
 
-def _length(worst: WorstPixel) -> float:
-    error = math.hypot(worst.vector[0] - worst.right[0], worst.vector[1] - worst.right[1])
-    return error if math.isfinite(error) else 0.0
-
-
 def _shown(score: CaseScore, size: tuple[int, int]) -> list[Markup]:
     """A wrong case: its causes, its worst pixel in both frames with both vectors, its classes."""
     truth, w = Truth(CASES[score.name], size), score.worst
-    causes = [f"{', '.join(names)}: {cause}." for cause, names in score.causes.items()]
     vector, right = (f"({v[0]:+.2f}, {v[1]:+.2f}) px" if np.isfinite(v).all() else "none" for v in (w.vector, w.right))
     said = f"Pixel {w.column}, {w.row} of frame {w.frame} ({w.kind}): the vector is {vector}, the right one is {right}."
-    note = (
-        "Left: the frame. Right: the previous one. The pixel is circled; red: where the vector leads, green: where the "
-    )
+    note = ("Left: the frame. Right: the previous one. The pixel is circled; red: where the vector leads, green: where "
+            "the surface point was. Shaded by the scorer from the scene file.")  # fmt: skip
     now, before = truth.frame(w.frame), truth.frame(max(w.frame - 1, 0))
     images = [_svg(now, w, size, False), _svg(before, w, size, True)]
     table = tag("ul", *(tag("li", _class_line(each)) for each in score.classes if each.failed))
-    return [text_lines([CASES[score.name].text]), text_lines([*causes, said]), tag("div", *images),
-            text_lines([f"{note} surface point was. Shaded by the scorer from the scene file."]), table]  # fmt: skip
+    return [text_lines([CASES[score.name].text]), text_lines([f"{score.why}.", said]), tag("div", *images),
+            text_lines([note]), table]  # fmt: skip
 
 
 def _class_line(each: ClassScore) -> str:

@@ -15,8 +15,6 @@ Array = np.ndarray
 
 def bind_pose(scene: Scene, state: FrameState, node: int, primitive: Primitive, instance: int | None) -> Array:
     """Skinned vertices as they are in the file, moved by their first joint's parent alone: without the skin."""
-    if primitive.joints is None:
-        return pose_vertices(scene, state, node, primitive, instance)
     return pose_vertices(scene, state, node, replace(primitive, joints=None, weights=None), instance)
 
 

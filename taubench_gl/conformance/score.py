@@ -10,28 +10,36 @@ import numpy as np
 
 from taubench_gl.conformance.cases import Case
 from taubench_gl.conformance.frames import EngineFrame, EngineFrames
-from taubench_gl.conformance.hypotheses import HYPOTHESES, Hypothesis, Pair
+from taubench_gl.conformance.hypotheses import HYPOTHESES, Pair
 from taubench_gl.conformance.loaded import agreement, difference
 from taubench_gl.conformance.truth import CLASSES, Frame, Truth
 from taubench_gl.conventions import Visibility
 from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced.check_vectors import MOST, NOT_JUDGED, RIGHT, TOLERANCE_PX, WRONG
 
 Array = np.ndarray
-TOLERANCE_PX = 0.1
-"""Distance up to which a vector is right; half a step of half floats is added."""
-
 WRONG_SHARE = 0.005
 """Share of the pixels of a class from which on it is wrong: coverage at silhouettes is never quite the same."""
 
-EXPLAINS = 0.95
-"""Share of the wrong pixels of a class that a hypothesis must explain to be its cause."""
-
-RIGHT, WRONG, NOT_JUDGED = "right", "wrong", "not judged"
 NO_PLACE, FIRST = "behind", "first"
 """Classes beside those of ``truth.CLASSES``: points that were behind the previous camera, whose vectors must not lead
 into the image; and the first frame, which has no previous one, so that its vectors are zero or none."""
 
 UNKNOWN = "none of the known causes"
+STARTED = "the first frame has vectors, though there is none before it"
+
+
+@dataclass(frozen=True, slots=True)
+class WorstPixel:
+    """The pixel with the longest error."""
+
+    frame: int
+    column: int
+    row: int
+    kind: str
+    vector: tuple[float, float]
+    right: tuple[float, float]  # NaN: none, the point was behind the camera
+    error_px: float  # infinite: no vector, or one that must not be there
 
 
 @dataclass(slots=True)
@@ -45,25 +53,14 @@ class ClassScore:
     p95_px: float
     max_px: float
     missing: int  # wrong pixels that have no vector
-    explained: dict[str, tuple[float, float]] = field(default_factory=dict)  # hypothesis -> share of wrong, error px
+    worst: WorstPixel
+    explained: dict[str, float] = field(default_factory=dict)  # hypothesis -> share of all pixels that it explains
     cause: str = ""
 
     @property
     def failed(self) -> bool:
         """Whether more than WRONG_SHARE of the pixels are wrong."""
         return self.wrong > WRONG_SHARE * self.pixels
-
-
-@dataclass(frozen=True, slots=True)
-class WorstPixel:
-    """The pixel with the longest error."""
-
-    frame: int
-    column: int
-    row: int
-    kind: str
-    vector: tuple[float, float]
-    right: tuple[float, float]  # NaN: none, the point was behind the camera
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +71,12 @@ class CaseScore:
     status: str
     reason: str = ""
     classes: tuple[ClassScore, ...] = ()
-    worst: WorstPixel | None = None
     rejection: Counter | None = None
+
+    @property
+    def worst(self) -> WorstPixel | None:
+        """The pixel with the longest error of all classes; None: no pixel is wrong."""
+        return max((each.worst for each in self.classes if each.wrong), key=lambda w: w.error_px, default=None)
 
     @property
     def causes(self) -> dict[str, list[str]]:
@@ -85,6 +86,11 @@ class CaseScore:
             if each.failed:
                 out.setdefault(text_of(each.cause), []).append(each.name)
         return out
+
+    @property
+    def why(self) -> str:
+        """Why the case is not right, "" where it is."""
+        return self.reason or "; ".join(f"{', '.join(names)}: {cause}" for cause, names in self.causes.items())
 
 
 def text_of(cause: str) -> str:
@@ -103,22 +109,16 @@ def score_case(truth: Truth, engine: Sequence[EngineFrame]) -> CaseScore:
     for frame, shown in zip(truth.frames(), engine, strict=True):
         if frame.number != truth.case.cut:
             _collect(truth, frame, shown, collected)
-    classes, worst = [], None
-    for kind, parts in collected.items():
-        score, farthest = _class_score(truth, kind, parts)
-        classes.append(score)
-        if score.wrong and (worst is None or farthest[0] > worst[0]):
-            worst = farthest
+    classes = tuple(_class_score(truth, kind, parts) for kind, parts in collected.items())
     status = WRONG if any(each.failed for each in classes) else RIGHT
     absent = [each for each in truth.case.about if each not in collected]
     if absent and status == RIGHT:
-        return CaseScore(name, NOT_JUDGED, f"no pixel shows the class {', '.join(absent)}", tuple(classes))
-    rejection = _rejection(truth, engine)
-    return CaseScore(name, status, "", tuple(classes), worst[1] if worst else None, rejection)
+        return CaseScore(name, NOT_JUDGED, f"no pixel shows the class {', '.join(absent)}", classes)
+    return CaseScore(name, status, "", classes, _rejection(truth, engine))
 
 
 def _collect(truth: Truth, frame: Frame, engine: EngineFrame, collected: dict[str, list[tuple]]) -> None:
-    """Add the scored pixels of a frame to ``collected``: class -> (frame, pixels, vectors, errors, wrong, step)."""
+    """Add the scored pixels of a frame to ``collected``: class -> (frame, pixels, errors, wrong, vectors, step)."""
     where = (frame.edge if truth.case.edges else ~frame.edge) & (frame.kind >= 0) & agreement(frame, engine)
     vectors, right = engine.motion, frame.motion
     step = np.broadcast_to(engine.step_px, vectors.shape)
@@ -129,71 +129,58 @@ def _collect(truth: Truth, frame: Frame, engine: EngineFrame, collected: dict[st
     with np.errstate(invalid="ignore"):
         wrong = ~(error <= TOLERANCE_PX + slack)
         wrong |= frame.exact & engine.exact_zero & (slack == 0) & (error != 0) & (frame.number > 0)
+
+    def add(name: str, of_class: Array, error: Array, wrong: Array) -> None:
+        at = np.flatnonzero(where & of_class)
+        if len(at):
+            parts = (error.reshape(-1)[at], wrong.reshape(-1)[at], vectors.reshape(-1, 2)[at], step.reshape(-1, 2)[at])
+            collected.setdefault(name, []).append((frame, at, *parts))
+
     if frame.number == 0:
-        _add(collected, FIRST, frame, where, vectors, error, wrong & ~none, step)
+        add(FIRST, where, error, wrong & ~none)
         return
-    behind = frame.visibility == Visibility.BEHIND
     width, height = truth.size
     at = truth.pixels.reshape(height, width, 2) + np.nan_to_num(vectors, nan=1e9)
     with np.errstate(over="ignore"):
         inside = ((at > -0.5) & (at < np.array([width, height]) - 0.5)).all(axis=-1)
-    _add(collected, NO_PLACE, frame, where & behind, vectors, np.where(inside, np.inf, 0.0), inside, step)
+    add(NO_PLACE, frame.visibility == Visibility.BEHIND, np.where(inside, np.inf, 0.0), inside)
     for number, name in enumerate(CLASSES):
-        _add(collected, name, frame, where & placed & (frame.kind == number), vectors, error, wrong, step)
+        add(name, placed & (frame.kind == number), error, wrong)
 
 
-def _add(collected, name, frame, where, vectors, error, wrong, step) -> None:
-    if where.any():
-        at = np.flatnonzero(where)
-        parts = (vectors.reshape(-1, 2)[at], error.reshape(-1)[at], wrong.reshape(-1)[at], step.reshape(-1, 2)[at])
-        collected.setdefault(name, []).append((frame, at, *parts))
-
-
-def _class_score(truth: Truth, name: str, parts: list[tuple]) -> tuple[ClassScore, tuple[float, WorstPixel | None]]:
-    error, wrong = (np.concatenate([part[i] for part in parts]) for i in (3, 4))
+def _class_score(truth: Truth, name: str, parts: list[tuple]) -> ClassScore:
+    error, wrong = (np.concatenate([part[i] for part in parts]) for i in (2, 3))
     known = error[np.isfinite(error)]
-    median, p95 = np.percentile(known, (50, 95)) if len(known) else (np.nan, np.nan)
-    most = float(known.max()) if len(known) else np.nan
-    score = ClassScore(name, len(error), int(wrong.sum()), float(median), float(p95), most,
-                       int((wrong & ~np.isfinite(error)).sum()) * (name != NO_PLACE))  # fmt: skip
-    farthest = (-1.0, None)
-    for frame, at, vectors, errors, bad, _ in parts:
-        length = np.where(bad, np.nan_to_num(errors, nan=1e6, posinf=1e6), -1.0)
-        if len(length) and length.max() > farthest[0]:
-            i = int(length.argmax())
-            row, column = divmod(int(at[i]), truth.size[0])
-            right = frame.motion.reshape(-1, 2)[at[i]]
-            pixel = WorstPixel(frame.number, column, row, name, tuple(vectors[i].tolist()), tuple(right.tolist()))
-            farthest = (float(length[i]), pixel)
+    errors = (*np.percentile(known, (50, 95)).tolist(), float(known.max())) if len(known) else (np.nan,) * 3
+    missing = int((wrong & ~np.isfinite(error)).sum()) * (name != NO_PLACE)
+    worst = max((_worst(truth, name, *part[:5]) for part in parts), key=lambda w: w.error_px)
+    score = ClassScore(name, len(error), int(wrong.sum()), *errors, missing, worst)
     if score.failed:
         score.explained = _explained(truth, parts)
-    return score, farthest
+    return score
 
 
-def _explained(truth: Truth, parts: list[tuple]) -> dict[str, tuple[float, float]]:
-    """Hypotheses that explain EXPLAINS of the wrong pixels -> share of them, and of the right pixels too."""
-    found = {}
+def _worst(truth: Truth, name: str, frame: Frame, at: Array, error: Array, wrong: Array, vectors: Array) -> WorstPixel:
+    length = np.where(wrong, np.nan_to_num(error, nan=np.inf, posinf=np.inf), -1.0)
+    i = int(length.argmax())
+    row, column = divmod(int(at[i]), truth.size[0])
+    right = frame.motion[row, column].tolist()
+    return WorstPixel(frame.number, column, row, name, tuple(vectors[i].tolist()), tuple(right), float(length[i]))
+
+
+def _explained(truth: Truth, parts: list[tuple]) -> dict[str, float]:
+    """Hypotheses that explain MOST of the wrong pixels -> share of all pixels that they explain."""
+    found, total = {}, sum(int(part[3].sum()) for part in parts)
     for hypothesis in HYPOTHESES:
-        share, consistent = _shares(truth, hypothesis, parts)
-        if share >= EXPLAINS:
-            found[hypothesis.key] = (share, consistent)
+        matches, left = [], (1 - MOST) * total
+        for frame, at, _, wrong, vectors, step in parts:
+            matches.append(hypothesis.explains(Pair(truth, frame), at, vectors, step))
+            left -= int((wrong & ~matches[-1]).sum())
+            if left < 0:
+                break
+        else:
+            found[hypothesis.key] = float(np.concatenate(matches).mean())
     return found
-
-
-def _shares(truth: Truth, hypothesis: Hypothesis, parts: list[tuple]) -> tuple[float, float]:
-    """Shares of the wrong pixels, and of all pixels, that ``hypothesis`` explains; gives up early on the former."""
-    wrong = explained = everywhere = pixels = 0
-    total = sum(int(part[4].sum()) for part in parts)
-    for frame, at, vectors, _, bad, step in parts:
-        size = truth.size[0] * truth.size[1]
-        whole, steps = np.full((size, 2), np.nan), np.zeros((size, 2))
-        whole[at], steps[at] = vectors, step
-        matches = hypothesis.explains(Pair(truth, frame), whole, steps)[at]
-        wrong, explained = wrong + int(bad.sum()), explained + int((matches & bad).sum())
-        everywhere, pixels = everywhere + int(matches.sum()), pixels + len(at)
-        if wrong - explained > (1 - EXPLAINS) * total:
-            return 0.0, 0.0
-    return explained / total, everywhere / pixels
 
 
 def name_causes(scores: Sequence[CaseScore]) -> None:
@@ -211,18 +198,16 @@ def name_causes(scores: Sequence[CaseScore]) -> None:
         votes = Counter(key for each in left for key in each.explained)
         if not votes:
             break
-        fit = {key: np.mean([each.explained[key][1] for each in left if key in each.explained]) for key in votes}
+        fit = {key: np.mean([each.explained[key] for each in left if key in each.explained]) for key in votes}
         best = max(votes, key=lambda key: (votes[key], round(float(fit[key]), 2), -order[key]))
         for each in left:
             each.cause = best if best in each.explained else each.cause
         left = [each for each in left if not each.cause]
     for each in left:
-        if each.missing >= EXPLAINS * each.wrong:
+        if each.missing >= MOST * each.wrong:
             each.cause = "pixels have no vector"
         else:
-            each.cause = (
-                "the first frame has vectors, though there is none before it" if each.name == FIRST else UNKNOWN
-            )
+            each.cause = STARTED if each.name == FIRST else UNKNOWN
 
 
 def _rejection(truth: Truth, engine: Sequence[EngineFrame]) -> Counter | None:
@@ -232,8 +217,7 @@ def _rejection(truth: Truth, engine: Sequence[EngineFrame]) -> Counter | None:
     counts: Counter = Counter()
     for frame, shown in zip(truth.frames()[1:], engine[1:], strict=True):
         where = ~frame.edge & (frame.kind >= 0)
-        for rejected, invalid in ((a, b) for a in (True, False) for b in (True, False)):
-            counts[rejected, invalid] += int((where & (shown.rejected == rejected) & (~frame.valid == invalid)).sum())
+        counts.update(zip(shown.rejected[where].tolist(), (~frame.valid[where]).tolist(), strict=True))
     return counts
 
 
@@ -256,10 +240,9 @@ def score_cases(
             scores.append(CaseScore(case.name, NOT_JUDGED, "its frames are missing"))
             continue
         try:
-            files = frames.open(case.name)
-            begun(case.name, files.size)
-            truth = Truth(case, files.size)
-            scores.append(score_case(truth, files.convert(truth)))
+            truth, engine = frames.open(case)
+            begun(case.name, truth.size)
+            scores.append(score_case(truth, engine))
         except PathTracedError as error:
             scores.append(CaseScore(case.name, NOT_JUDGED, str(error)))
     name_causes(scores)

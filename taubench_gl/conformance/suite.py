@@ -11,33 +11,12 @@ from taubench_gl.conformance.cases import Case
 from taubench_gl.conformance.stage import CAMERA, FPS, FRAMES
 from taubench_gl.conformance.truth import Truth
 from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.paths import PACKAGE
 from taubench_gl.pathtraced.cameras import camera_entry
 
+_TEMPLATE = PACKAGE / "conformance" / "suite.md"
 SCHEMA = "taubench-gl/conformance-suite/1"
 SUITE_FILE, README, SCENES = "suite.json", "README.md", "scenes"
-_README = """\
-# Conformance suite
-
-{count} small glTF scenes with known motion. Draw each with your engine and let the scorer compare its vectors:
-
-1. For each case of `suite.json` load `scenes/CASE.glb` and draw {frames} frames at `frames[k].time_s` seconds,
-   {width}x{height} pixels, with the camera named `{camera}`. Animations do not loop. Draw the frames in order and
-   nothing before the first.
-2. Sample frame k at `frames[k].jitter_px` (pixels, +x right, +y down) from the pixel centers, the same for all pixels.
-   It is 0 in most cases. Where `cut` is true the frame begins a new shot.
-3. Write for each frame one OpenEXR file `CASE/frame_0000.exr`, or one NPZ file, with
-   - the motion vectors of surfaces and sky (not visualized, not clamped, not dilated),
-   - world positions, or depth: they show whether the scene was loaded as written,
-   - if there is one, the mask of rejected history, or the weight of history, 0 where it is rejected.
-   One sample per pixel, no filter, no anti-aliasing: a pixel shows the surface at its sample.
-4. Say in a mapping what the channels are called and mean: unit, direction, axes, whether vectors contain the jitter.
-
-       taubench-gl conformance score exr:FRAMES --mapping engine.toml --out scored
-
-`frames[k].camera` repeats the camera of the file, for engines that do not animate it.
-
-{cases}
-"""
 
 
 def case_entry(case: Case, size: tuple[int, int]) -> dict[str, Any]:
@@ -58,13 +37,13 @@ def write_suite(cases: Sequence[Case], out: str | Path, size: tuple[int, int]) -
     out = output_folder(out)
     output_folder(out / SCENES)
     for case in cases:
-        case.stage().save(out / SCENES / f"{case.name}.glb")
+        case.document().save(out / SCENES / f"{case.name}.glb")
     width, height = size
     head = {"schema": SCHEMA, "width": width, "height": height, "fps": FPS, "camera": CAMERA}
     entries = [case_entry(case, size) for case in cases]
     write_atomically(out / SUITE_FILE, json.dumps(head | {"cases": entries}, indent=1) + "\n")
     listed = "\n\n".join(case_text(case) for case in cases)
-    write_atomically(out / README, _README.format(
+    write_atomically(out / README, _TEMPLATE.read_text(encoding="utf-8").format(
         count=len(cases), frames=FRAMES, width=width, height=height, camera=CAMERA, cases=listed))  # fmt: skip
     return out
 

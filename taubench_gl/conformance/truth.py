@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from taubench_gl.animation.pose import present_nodes
 from taubench_gl.conformance.cases import Case, scene_of
 from taubench_gl.conformance.stage import FPS, FRAMES
 from taubench_gl.conventions import GUARD_PX, Visibility
-from taubench_gl.scene.model import Material, Primitive, Scene
+from taubench_gl.scene.model import Primitive, Scene
 
 Array = np.ndarray
 CLASSES = ("still", "rigid", "skinned", "morphed", "sky")
@@ -68,8 +69,8 @@ class Frame:
     visibility: Array  # (h, w) conventions.Visibility of the point in the previous frame; 0: no previous frame
     kind: Array  # (h, w) number of a class; -1: sky of a parallel camera, which has no vector
     node: Array  # (h, w), -1: sky
-    edge: Array  # (h, w) bool, within 1 px of an outline
     exact: Array  # (h, w) bool: neither the point nor the camera has moved, so that the vector is exactly zero
+    edge: Array  # (h, w) bool, within 1 px of an outline
 
     @property
     def valid(self) -> Array:
@@ -133,31 +134,28 @@ class Truth:
         width, height = self.size
         return np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.float64)
 
-    def drawn(
-        self, number: int, *, pose: Pose = pose_vertices, masked: bool = True, hidden: bool = False, without: int = -1
-    ) -> Hits:
-        """What the camera of frame ``number`` sees of a scene that is drawn wrongly.
-
-        ``pose``: how vertices are posed; ``masked``: alpha masks make holes; ``hidden``: hidden nodes are drawn;
-        ``without``: a node that is not drawn.
-        """
-        key = (number, pose, masked, hidden, without)
+    def drawn(self, number: int, **how: Any) -> Hits:
+        """What the camera of frame ``number`` sees of a scene that is drawn wrongly; ``how`` as for ``cast``."""
+        key = (number, *sorted(how.items()))
         if key not in self._drawn:
-            self._drawn[key] = self.cast(number, self.view(number), self.pixels, *key[1:])
+            self._drawn[key] = self.cast(number, self.view(number), self.pixels, **how)
         return self._drawn[key]
 
     def cast(
         self, frame: int, view: View, pixels: Array, pose: Pose = pose_vertices, masked: bool = True,
         hidden: bool = False, without: int = -1,
     ) -> Hits:  # fmt: skip
-        """What the rays through ``pixels`` (N, 2: column, row) of ``view`` meet in ``frame``; the rest as ``drawn``."""
+        """What the rays through ``pixels`` (N, 2: column, row) of ``view`` meet in ``frame``.
+
+        ``pose``: how vertices are posed; ``masked``: alpha masks make holes; ``hidden``: hidden nodes are drawn;
+        ``without``: a node that is not drawn.
+        """
         width, height = self.size
-        relative = self.vertices(frame, pose) - view.position
-        clip = relative @ view.clip_from_relative(width, height)[[0, 1, 3], :3].T
-        clip += view.clip_from_relative(width, height)[[0, 1, 3], 3]
+        relative, rows = self.vertices(frame, pose) - view.position, view.clip_from_relative(width, height)[[0, 1, 3]]
+        clip = relative @ rows[:, :3].T + rows[:, 3]
         along = relative @ -view.world_from_view[:, 2]
         present = (hidden or present_nodes(self.scene, self.state(frame))[self.node_of]) & (self.node_of != without)
-        rays = np.column_stack([(2 * pixels[:, 0] + 1) / width - 1, 1 - (2 * pixels[:, 1] + 1) / height])
+        rays = self._ndc(pixels)
         c = clip[self.triangles]
         facing = np.linalg.det(c)
         seen = np.flatnonzero(present & (facing != 0) & (facing * self._sides >= 0))
@@ -170,8 +168,7 @@ class Truth:
         hits = Hits(np.full(len(pixels), -1), np.zeros((len(pixels), 3)), np.full(len(pixels), np.inf))
         for i in np.flatnonzero((low <= rays.max(axis=0)).all(axis=1) & (high >= rays.min(axis=0)).all(axis=1)):
             triangle = int(seen[i])
-            inside = np.flatnonzero((rays[:, 0] >= low[i, 0]) & (rays[:, 0] <= high[i, 0])
-                                    & (rays[:, 1] >= low[i, 1]) & (rays[:, 1] <= high[i, 1]))  # fmt: skip
+            inside = np.flatnonzero(((rays >= low[i]) & (rays <= high[i])).all(axis=1))
             b = rays[inside] @ inverse[i, :2] + inverse[i, 2]
             total = b.sum(axis=1)
             ok = (b >= -1e-12).all(axis=1) & (total > 0)
@@ -188,18 +185,16 @@ class Truth:
     def _sides(self) -> Array:
         """Sign of the determinant of triangles that are seen, (T,): 0 where both sides are."""
         mirrored = np.linalg.det(self.state(0).world[:, :3, :3]) < 0
-        sides = [0 if self._material(p).double_sided else -1 if mirrored[p.node] else 1 for p in self._parts]
+        both = [self.scene.materials[p.primitive.material].double_sided for p in self._parts]
+        sides = [0 if double else -1 if mirrored[p.node] else 1 for p, double in zip(self._parts, both, strict=True)]
         return np.repeat(sides, [len(p.triangles) for p in self._parts])
-
-    def _material(self, part: _Part) -> Material:
-        return self.scene.materials[part.primitive.material]
 
     @cached_property
     def _masks(self) -> dict[int, Callable[[Array], Array]]:
         """Whether points (N, 3 barycentric) of a triangle with an alpha mask are there, by triangle."""
         masks, first = {}, 0
         for part in self._parts:
-            material = self._material(part)
+            material = self.scene.materials[part.primitive.material]
             if material.alpha_mode == "MASK":
                 alpha = self.scene.images[material.base_color_texture.image].decode()[..., 3] / 255.0
                 uv = part.primitive.texcoords[0].astype(np.float64)
@@ -215,7 +210,7 @@ class Truth:
         """
         now, then = view.centered(), previous.centered()
         at, before = self.project(now, point - now.position), self.project(then, prev_point - then.position)
-        before[behind(then, prev_point - then.position)] = np.nan
+        before[(prev_point - then.position) @ -then.world_from_view[:, 2] < then.camera.znear] = np.nan
         return before - at
 
     def project(self, view: View, relative: Array, w: float = 1.0, *, divide: bool = True) -> Array:
@@ -228,14 +223,17 @@ class Truth:
         clip = relative @ rows[:, :3].T + w * rows[:, 3]
         with np.errstate(divide="ignore", invalid="ignore"):
             ndc = clip[:, :2] / (clip[:, 2:] if divide else 1.0)
-        return np.stack([(ndc[:, 0] + 1) * 0.5 * width - 0.5, (1 - ndc[:, 1]) * 0.5 * height - 0.5], axis=-1)
+        return (ndc * [1.0, -1.0] + 1) * 0.5 * np.array(self.size) - 0.5
+
+    def _ndc(self, pixels: Array) -> Array:
+        """Normalized device coordinates (N, 2) of pixels (N, 2: column, row)."""
+        return ((2 * pixels + 1) / np.array(self.size) - 1) * [1.0, -1.0]
 
     def directions(self, view: View) -> Array:
         """View directions (h * w, 3) of the pixels of a perspective ``view``, planar depth 1, world axes."""
         width, height = self.size
         clip = view.clip_from_view(width, height)
-        ndc = np.column_stack([(2 * self.pixels[:, 0] + 1) / width - 1, 1 - (2 * self.pixels[:, 1] + 1) / height])
-        along = (ndc + [clip[0, 2], clip[1, 2]]) / [clip[0, 0], clip[1, 1]]
+        along = (self._ndc(self.pixels) + [clip[0, 2], clip[1, 2]]) / [clip[0, 0], clip[1, 1]]
         return np.column_stack([along, -np.ones(len(along))]) @ view.world_from_view.T
 
     def jitter_motion(self, number: int) -> Array:
@@ -251,53 +249,43 @@ class Truth:
         return before - self.project(now, ray, 0.0)
 
     def _frame(self, number: int) -> Frame:
-        width, height = self.size
         view, previous = self.view(number), self.view(number - 1)
-        hits = self.cast(number, view, self.pixels)
-        sky = hits.triangle < 0
+        hits, parallel = self.drawn(number), view.camera.kind != "perspective"
+        sky, node = hits.triangle < 0, np.where(hits.triangle < 0, -1, self.node_of[hits.triangle])
         position = self.at(hits, self.vertices(number))
         prev_position = self.at(hits, self.vertices(number - 1))
-        prev_position[~present_nodes(self.scene, self.state(number - 1))[self.node_of[hits.triangle]]] = np.nan
+        prev_position[~present_nodes(self.scene, self.state(number - 1))[node]] = np.nan
         motion = self.motion(position, prev_position, view, previous)
-        if view.camera.kind == "perspective":
+        if not parallel:
             motion[sky] = self.sky_motion(view, previous)[sky]
         same = number == 0 or _same_view(view.centered(), previous.centered())
         exact = same & (sky | (position == prev_position).all(axis=-1))
         motion[exact] = 0.0  # by definition, not by rounding
-        normal = self.at(hits, self._normals(number))
-        normal = np.nan_to_num(math3d.normalize(normal))
-        kind = np.where(sky, CLASSES.index("sky") if view.camera.kind == "perspective" else -1,
-                        self._classes[self.node_of[hits.triangle]])  # fmt: skip
-        node = np.where(sky, -1, self.node_of[hits.triangle])
-        new = ~sky & ~np.isfinite(prev_position).all(axis=-1)
-        visibility = self._visibility(number, hits, prev_position, motion, sky, new)
-        shape = (height, width)
-        motion, node = motion.reshape(*shape, 2), node.reshape(shape)
-        return Frame(
-            number, view, previous, hits, position.reshape(*shape, 3), prev_position.reshape(*shape, 3),
-            normal.reshape(*shape, 3), np.where(sky, 0.0, hits.depth).reshape(shape), motion,
-            visibility.reshape(shape), kind.reshape(shape), node, _outlines(node, motion), exact.reshape(shape),
-        )  # fmt: skip
+        normal = np.nan_to_num(math3d.normalize(self.at(hits, self._normals(number))))
+        kind = np.where(sky, -1 if parallel else CLASSES.index("sky"), self._classes[node])
+        visibility = self._visibility(number, hits, prev_position, motion)
+        depth = np.where(sky, 0.0, hits.depth)
+        values = (position, prev_position, normal, depth, motion, visibility, kind, node, exact)
+        images = [value.reshape(*self.size[::-1], *value.shape[1:]) for value in values]
+        return Frame(number, view, previous, hits, *images, edge=_outlines(images[7], images[4]))
 
-    def _visibility(self, number: int, hits: Hits, prev: Array, motion: Array, sky: Array, new: Array) -> Array:
+    def _visibility(self, number: int, hits: Hits, prev: Array, motion: Array) -> Array:
         """What the ray from the previous camera to each point finds, (N,) of Visibility."""
-        if number == 0 or number == self.case.cut:
-            return np.zeros(len(sky), dtype=int)
-        width, height = self.size
-        previous = self.view(number - 1)
+        if number in (0, self.case.cut):
+            return np.zeros(len(motion), dtype=int)
+        sky, previous = hits.triangle < 0, self.view(number - 1)
         # Where the point is in the sampled previous image: with the offset of that frame, as the current one has its.
-        offset = (self.view(number).jitter_px - previous.jitter_px) * [1, -1]
-        at = self.pixels + motion + offset
-        gone = ~np.isfinite(motion).all(axis=-1)
-        outside = ~gone & ((at < -GUARD_PX) | (at > np.array([width - 1, height - 1]) + GUARD_PX)).any(axis=-1)
+        at = self.pixels + motion + (self.view(number).jitter_px - previous.jitter_px) * [1, -1]
+        new, gone = ~sky & ~np.isfinite(prev).all(axis=-1), ~np.isfinite(motion).all(axis=-1)
+        outside = ((at < -GUARD_PX) | (at > np.array(self.size) - 1 + GUARD_PX)).any(axis=-1)
         found = self.cast(number - 1, previous, np.where(gone[:, None], -1e9, at))
         depth = np.where(sky, np.inf, (prev - previous.position) @ -previous.world_from_view[:, 2])
         with np.errstate(invalid="ignore"):
-            occluded = ~gone & ~outside & (found.depth < depth * (1 - 1e-4))
-        out = np.select([new, gone, outside, occluded],
-                        [int(v) for v in (Visibility.NEW, Visibility.BEHIND, Visibility.OUTSIDE, Visibility.OCCLUDED)],
-                        int(Visibility.VISIBLE))  # fmt: skip
-        return out
+            occluded = found.depth < depth * (1 - 1e-4)
+        # the first that applies
+        reasons = {Visibility.NEW: new, Visibility.BEHIND: gone, Visibility.OUTSIDE: outside,
+                   Visibility.OCCLUDED: occluded}  # fmt: skip
+        return np.select(list(reasons.values()), [int(reason) for reason in reasons], int(Visibility.VISIBLE))
 
     def _normals(self, frame: int) -> Array:
         """World normals of all vertices, (V, 3)."""
@@ -315,12 +303,6 @@ class Truth:
             elif part.primitive.targets:
                 out[part.node] = CLASSES.index("morphed")
         return out
-
-
-def behind(view: View, relative: Array) -> Array:
-    """Whether points (N, 3) relative to the camera are nearer than its near plane, (N,) bool."""
-    with np.errstate(invalid="ignore"):
-        return relative @ -view.world_from_view[:, 2] < view.camera.znear
 
 
 def _parts(scene: Scene) -> list[_Part]:

@@ -147,11 +147,11 @@ class Writer:
     def animation(self, name: str, *tracks: tuple[int | str, str, Any, Any, str]) -> int:
         """Add an animation of tracks (node, path, times, values, interpolation).
 
-        With the path "pointer", a JSON pointer stands for the node; its values are numbers or flags.
+        With the path "pointer", a JSON pointer stands for the node; its values are numbers, vectors or flags.
         """
         animation = gl.Animation(name=name)
         for node, path, times, values, interpolation in tracks:
-            flat = np.reshape(values, (-1, 1)) if path in ("weights", "pointer") else np.asarray(values)
+            flat = np.reshape(values, (-1, 1)) if path == "weights" else np.asarray(values)
             output = self.accessor(flat, "u1" if flat.dtype == bool else "f4")
             sampler = gl.AnimationSampler(
                 input=self.accessor(times, bounds=True), output=output, interpolation=interpolation

@@ -17,6 +17,7 @@ from taubench_gl.demos.theory import edge_pixels
 from taubench_gl.features import TABLE
 from taubench_gl.glossary import label_of
 from taubench_gl.report.mask_images import as_bytes
+from taubench_gl.report.palette import REASON_COLORS
 
 if TYPE_CHECKING:
     from taubench_gl.demos.sheet import Sheet
@@ -126,7 +127,7 @@ class Parameter:
     images: tuple[Array, ...] = ()  # (h, w, 3) uint8 each
     plane: Array | None = None
     base: Array | None = None  # (h, w, 3) uint8
-    mark: RGB = (0, 114, 178)
+    mark: RGB = REASON_COLORS[Reason.POSITION]
     note: str = ""  # how to read the image: colors, scale
     bar: ColorBar | None = None
     digits: int = 2

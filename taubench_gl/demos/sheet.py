@@ -13,7 +13,7 @@ from taubench_gl.conventions import Reason
 from taubench_gl.glossary import label_of
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.mask_images import as_bytes, mask_overlay
-from taubench_gl.report.palette import REASON_COLORS, RGB, color_of
+from taubench_gl.report.palette import REASON_COLORS, RGB, SERIES_COLORS, color_of
 
 if TYPE_CHECKING:
     from taubench_gl.demos.stage import LitPair
@@ -24,8 +24,8 @@ PAPER, INK = "#fbfaf7", "#1c1d21"
 WIDTH = 1280
 _DPI = 125  # layout units are 1/100 inch: a sheet is 1600 pixels wide
 _PAD, _TITLE, _LEGEND, _BAR = 24, 34, 44, 58
-BLUE, ORANGE, GREEN, PINK = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
-"""From the palette of Okabe and Ito (2008), as the mask colors."""
+BLUE, RED, BLACK, VIOLET = SERIES_COLORS
+"""Measurement is blue, theory black."""
 CHECKER = (237, 237, 237)
 """The light squares of ``checkerboard``, for a legend.  8-bit sRGB."""
 
@@ -76,12 +76,12 @@ class Sheet:
 
     def theory(self, axes: Any, x: Sequence[float], y: Sequence[float], label: str = "theory") -> None:
         """Add the line of a closed form to a plot."""
-        axes.plot(x, y, color=BLUE, linewidth=2, label=label)
+        axes.plot(x, y, color=BLACK, linewidth=2, label=label)
 
     def dots(self, axes: Any, x: Sequence[float], y: Sequence[float], label: str = "measured", **style: Any) -> None:
         """Add measured numbers to a plot."""
         dots = {"marker": "o", "linestyle": "", "markeredgecolor": "black", "markersize": 8}
-        axes.plot(x, y, color=ORANGE, label=label, **dots | style)
+        axes.plot(x, y, color=BLUE, label=label, **dots | style)
 
     def key(self, axes: Any, place: str, **options: Any) -> None:
         """Add the legend of a plot.  ``place``: as Matplotlib's ``loc``."""

@@ -170,7 +170,7 @@ SAND, BRICK, SEA, LEAF, CHALK, GOLD = (
     (0.70, 0.58, 0.40), (0.62, 0.20, 0.12), (0.10, 0.30, 0.55), (0.16, 0.42, 0.20), (0.80, 0.79, 0.75),
     (0.75, 0.55, 0.12),
 )  # fmt: skip
-"""Colors of materials.  A lesson uses none that is close to a color of its masks (test_colors.py)."""
+"""Colors of materials.  A lesson uses none that is close to a color of its masks (test_demos.py)."""
 
 
 class Props(SceneBuilder):

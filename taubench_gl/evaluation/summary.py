@@ -49,6 +49,7 @@ def static_summary(
             **file_hashes(scene, settings),
             "duration_s": scene.duration,
             "playing": list(scene.playing),
+            "selection": {name: settings.get(name) for name in ("camera", "scene", "animation")},
             "stand_in": scene.stand_in,
         },
         "census": census(scene, (f / settings.sequence.fps for f in frames), poser),

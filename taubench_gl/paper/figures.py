@@ -14,7 +14,7 @@ from taubench_gl import math3d
 from taubench_gl.animation import CameraTrack, View, camera_of_run, sample
 from taubench_gl.animation.state import FrameState
 from taubench_gl.conventions import FRUSTUM, Reason
-from taubench_gl.demos.sheet import PINK, Sheet, checkerboard, note, overlay, painted, reason_entries, rgb
+from taubench_gl.demos.sheet import VIOLET, Sheet, checkerboard, note, overlay, painted, reason_entries, rgb
 from taubench_gl.evaluation import Observers, Pair, evaluate_scene
 from taubench_gl.evaluation.exact import Reasons, misregistered
 from taubench_gl.features import BY_BIT, GEOMETRY
@@ -121,7 +121,7 @@ def figure_2(scene: Scene, run: Run, settings: Settings, path: Path) -> Path:
         if shown.wrong is not None:
             note(panel, f"{100 * shown.wrong.mean():.1f} % misregistered")
         used += reasons
-    sheet.legend([*reason_entries(*used), (MISREGISTERED, rgb(PINK))])
+    sheet.legend([*reason_entries(*used), (MISREGISTERED, rgb(VIOLET))])
     return sheet.save(path)
 
 
@@ -130,7 +130,7 @@ def _mask_image(shown: _Shown, reasons: Sequence[Reason]) -> Array:
     if shown.wrong is None:
         return overlay(shown.mask, shown.now, *reasons)
     image = overlay(np.where(shown.wrong, np.uint32(0), shown.mask), shown.now, *reasons)
-    image[shown.wrong] = painted(shown.now, (shown.wrong, rgb(PINK)))[shown.wrong]
+    image[shown.wrong] = painted(shown.now, (shown.wrong, rgb(VIOLET)))[shown.wrong]
     return image
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -170,7 +170,7 @@ class PathTracedCamera(Protocol):
 
     def view(self, number: int, frame: PathTracedFrame) -> View:
         """The view of frame ``number``, with the principal point of the mapping.  Raises PathTracedError."""
-        view, (right, down) = self._view(number, frame), frame.principal_point
+        view, (right, down) = self._view(number, frame), frame.mapping.principal_point
         return replace(view, principal_px=(right, -down)) if right or down else view
 
     def place(self, number: int, frame: PathTracedFrame) -> None:
@@ -221,22 +221,23 @@ class SceneCamera(PathTracedCamera):
 
     def place(self, number: int, frame: PathTracedFrame) -> None:
         """Set the offset that explains the position pass: programs count frames from 0 or from 1.  Default: 0."""
-        if self._placed or residual(self.view(number, frame), frame) is None:
-            return
-        found = {offset: self._at(number, frame, self._fps, offset) for offset in (0, -1, 1)}
-        best = min(found, key=lambda offset: max(found[offset].median_px, PLACED_PX))
-        self.offset, self._placed = best if found[best].fits else 0, True
+        if not self._placed and residual(self.view(number, frame), frame) is not None:
+            _, self.offset = self._fitting(number, frame, (self._fps,)) or (self._fps, 0)
+            self._placed = True
 
-    def _at(self, number: int, frame: PathTracedFrame, fps: float, offset: int) -> Residual:
-        """The residual of frame ``number`` if the files had another rate and offset."""
-        other = SceneCamera(self.scene, self.track, fps)
-        other.offset = offset
-        return residual(other.view(number, frame), frame)
+    def _fitting(self, number: int, frame: PathTracedFrame, rates: Sequence[float]) -> tuple[float, int] | None:
+        """The rate and the offset that explain frame ``number`` best, the first of equal ones; None: none does."""
+        found = {}
+        for tried in ((fps, offset) for offset in (0, -1, 1) for fps in rates):
+            other = SceneCamera(self.scene, self.track, tried[0])
+            other.offset = tried[1]
+            found[tried] = residual(other.view(number, frame), frame)
+        best = min(found, key=lambda tried: max(found[tried].median_px, PLACED_PX))
+        return best if found[best].fits else None
 
     def advice(self, number: int, frame: PathTracedFrame) -> str:
-        found = {(fps, offset): self._at(number, frame, fps, offset) for offset in (0, -1, 1) for fps in RATES}
-        best = min(found, key=lambda tried: max(found[tried].median_px, PLACED_PX))
-        return f"--fps {best[0]:.6g} fits" if found[best].fits else ""
+        best = self._fitting(number, frame, RATES)
+        return f"--fps {best[0]:.6g} fits" if best else ""
 
 
 class FittedCamera(PathTracedCamera):
@@ -258,7 +259,7 @@ class FittedCamera(PathTracedCamera):
             raise PathTracedError(message, hint="give --camera-file")
         planar = frame.depth is not None and frame.depth_kind == "planar"
         depth = frame.depth + np.float32(frame.depth_offset) if planar else None
-        fit = fit_camera(frame.position, frame.sky, depth, f"frame {number}", frame.principal_point)
+        fit = fit_camera(frame.position, frame.sky, depth, f"frame {number}", frame.mapping.principal_point)
         if frame.half_position and fit.median_px > PLACED_PX:
             message = f"positions of frame {number} are half floats, too coarse to estimate a camera from"
             raise PathTracedError(message, hint="give --camera-file or --scene-file")
@@ -288,9 +289,8 @@ def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]
         off, far = (float(np.nanmedian(values[~frame.sky])) for values in (np.abs(found - planar), np.abs(planar)))
         if off > 4.0 * rounding_m(frame) + SAME_DEPTH * far:
             message = f"depth is {off:.3g} m (median) off that of the positions, which are half floats"
-            raise PathTracedError(
-                message, hint="set depth in the mapping to the kind that 'check' names, or do not name it"
-            )
+            hint = "set depth in the mapping to the kind that 'check' names, or do not name it"
+            raise PathTracedError(message, hint=hint)
     return relative, found
 
 
@@ -324,18 +324,6 @@ def project(view: View, points: Array, size: tuple[int, int], *, relative: bool 
     clip = offsets @ matrix[:, :3].T + matrix[:, 3]
     ndc = clip[..., :2] / np.where(clip[..., 3:] > 0, clip[..., 3:], np.nan)
     return (ndc * [1.0, -1.0] + 1.0) * 0.5 * np.array(size) - 0.5
-
-
-def pixel_offsets(view: View, frame: PathTracedFrame, most: int | None = _CHECK_POINTS) -> Array:
-    """Projection of the position pass by ``view`` minus pixel centers, at about ``most`` (None: all) surface pixels.
-
-    (N, 2) float64 pixels, +x right, +y down; NaN behind the camera.
-    """
-    rows, columns = np.nonzero(~frame.sky & np.isfinite(frame.position).all(axis=-1))
-    step = 1 if most is None else max(1, len(rows) // most)
-    rows, columns = rows[::step], columns[::step]
-    projected = project(view, frame.position[rows, columns], frame.size, relative=frame.relative)
-    return projected - np.stack([columns, rows], axis=-1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,7 +362,11 @@ def residual(view: View, frame: PathTracedFrame) -> Residual | None:
     """
     if frame.position is None:
         return None
-    offsets = pixel_offsets(view, frame)
+    rows, columns = np.nonzero(~frame.sky & np.isfinite(frame.position).all(axis=-1))
+    step = max(1, len(rows) // _CHECK_POINTS)
+    rows, columns = rows[::step], columns[::step]
+    at = project(view, frame.position[rows, columns], frame.size, relative=frame.relative)
+    offsets = at - np.stack([columns, rows], axis=-1)
     if not len(offsets):
         return None
     front = np.isfinite(offsets).all(axis=-1)
@@ -414,7 +406,7 @@ def checked_view(camera: PathTracedCamera, number: int, frame: PathTracedFrame) 
     if advice := camera.advice(number, frame):
         hint = f"{advice}; {hint}"
     elif any(found.whole_px):
-        point = [a + b for a, b in zip(frame.principal_point, found.whole_px, strict=True)]
+        point = [a + b for a, b in zip(frame.mapping.principal_point, found.whole_px, strict=True)]
         hint = f"if every frame is off by as much, set principal_point = {point} in the mapping"
     message = f"{camera.describe()} does not match the position pass of frame {number}: {found.describe()}"
     raise PathTracedError(message, hint=hint)

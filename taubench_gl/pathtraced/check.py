@@ -135,7 +135,7 @@ def check_sequence(
     numbers = sorted({n + step for n in starts for step in (0, 1)}) or chosen[:1]
     log.info("checking the conventions of %d frames", len(numbers))
     geometry = "motion" not in sequence.index  # without it the scene may do
-    files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers}, truth)
+    files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers}, starts, truth)
     for number, frame in files.frames.items():
         camera.place(number, frame)
     names = sorted(name for name in sequence.mapping.passes if name in sequence.index)
@@ -145,11 +145,11 @@ def check_sequence(
     if not files.geometry:
         why = "there is neither a position nor a depth pass"
     elif not files.fitted or any(files.view(numbers[0], Reading(rows=rows)) for rows in ("", "bottom first")):
-        return _by_geometry(files, starts, passes)
+        return _by_geometry(files, passes)
     else:
         why = "no camera is given, and none can be estimated from positions"
     skipped = [passes, *_skipped(("camera", *GEOMETRY, "centers", "normals"), why)]
-    return _by_vectors(files, starts, skipped)
+    return _by_vectors(files, skipped)
 
 
 def _skipped(names: Iterable[str], why: str) -> list[Verdict]:
@@ -173,33 +173,32 @@ def _offset(difference: Array) -> Array:
 
 
 # ------------------------------------------------------------------------------------------------------------ search
-def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
+def _by_geometry(files: Files, passes: Verdict) -> Check:
     kinds = {cams.SidecarCamera: "sidecar", cams.SceneCamera: "scene", cams.FittedCamera: "fitted"}
-    positions, limit = files.some.position is not None, TOLERANCE_PX
-    values = geometry_values(files.sequence.mapping, positions, kinds[type(files.camera)])
+    limit = TOLERANCE_PX
+    values = geometry_values(files.sequence.mapping, files.positions, kinds[type(files.camera)])
     left = geometry_readings(values)
-    if positions:
+    if files.positions:
         shares, limit = _placed(files, left)
         left = [r for r, share in zip(left, shares, strict=True) if share >= max(ENOUGH, shares.max() - SAME)]
         if files.shifted(left[0] if left else None):
-            return _by_geometry(files, starts, passes)
+            return _by_geometry(files, passes)
         if not left:
             text, share = f"{files.camera.describe()}: it did not render these files", float(shares.max())
             others = _skipped((*GEOMETRY, "centers", "normals"), "no reading of the camera explains the files")
-            found = [passes, Verdict("camera", "wrong", text, share, share), *others]
-            return _by_vectors(files, starts, found)
-    checked = _Checked.of(files, positions, limit, starts, left)
+            return _by_vectors(files, [passes, Verdict("camera", "wrong", text, share, share), *others])
+    checked = _search(files, left, limit)
     if files.shifted(checked.best):
-        return _by_geometry(files, starts, passes)
+        return _by_geometry(files, passes)
     verdicts = [*(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.centers()]
     verdicts += [checked.depth(), checked.normals()]
-    return checked.result(starts, [passes, checked.camera(), *verdicts])
+    return checked.result([passes, checked.camera(), *verdicts])
 
 
-def _by_vectors(files: Files, starts: list[int], verdicts: list[Verdict]) -> Check:
+def _by_vectors(files: Files, verdicts: list[Verdict]) -> Check:
     """Vectors against the scene's, whatever the camera and the points of the files are."""
     files.frames = {n: replace(f, position=None, depth=None, prev_position=None) for n, f in files.frames.items()}
-    return _Checked.of(files, False, TOLERANCE_PX, starts, [Reading()]).result(starts, verdicts)
+    return _search(files, [Reading()], TOLERANCE_PX).result(verdicts)
 
 
 def _placed(files: Files, readings: Sequence[Reading]) -> tuple[Array, float]:
@@ -223,10 +222,9 @@ _Explained = dict[str, dict[int, bool]]
 """What motion can be compared with -> first files of pairs that are explained -> whether only with an offset."""
 
 
-def _search(
-    files: Files, starts: list[int], left: Sequence[Reading], motion: Sequence[Reading]
-) -> tuple[Reading, list[Reading], _Explained]:
-    """The simplest combination of geometry and motion that explains the files; others that explain as many pixels."""
+def _search(files: Files, left: Sequence[Reading], limit_px: float) -> _Checked:
+    """The simplest combination of the readings ``left`` with those of motion that explains the files."""
+    motion, starts = motion_readings(files.sequence.mapping), [] if files.some.motion is None else files.starts
     bases: _Explained = {}
     total = []
     for basis in files.bases:
@@ -252,7 +250,7 @@ def _search(
             total.append(np.mean([share for share, _ in found.values()], axis=0))
             bases[basis] = {first: shifted for first, (_, shifted) in found.items()}
     if not total:
-        return left[0], [r for r in left[1:] if not starts], bases
+        return _Checked(files, limit_px, left[0], [r for r in left[1:] if not starts], bases)
     # Previous positions hold for what moves; still surfaces also show the unit and the place of the camera.
     total = np.mean(total, axis=0)
     lowered = total - MARGIN * np.array([[reading.order in BACKWARDS] for reading in left])
@@ -260,7 +258,7 @@ def _search(
     alike = [(not first[g, m], replace(left[g], **motion[m].values), total[g, m])
              for g, m in np.argwhere(first | (total >= total.max() - SAME))]  # fmt: skip
     best, *others = (r for _, r, _ in sorted(alike, key=_simplicity))
-    return best, others, bases
+    return _Checked(files, limit_px, best, others, bases)
 
 
 def _simplicity(each: tuple[bool, Reading, float]) -> tuple[bool, int, float, list[int]]:
@@ -275,30 +273,23 @@ class _Checked:
     """What the search found, as verdicts."""
 
     files: Files
-    positions: bool  # there is such a pass
     limit: float  # largest accepted error of positions, pixels
     best: Reading
-    alike: list[Reading]
+    alike: list[Reading]  # others that explain as many pixels
     bases: _Explained
-
-    @classmethod
-    def of(cls, files: Files, positions: bool, limit: float, starts: list[int], left: Sequence[Reading]) -> _Checked:
-        """Search among the readings ``left`` with those of motion."""
-        motion = motion_readings(files.sequence.mapping) if files.some.motion is not None and starts else []
-        return cls(files, positions, limit, *_search(files, starts if motion else [], left, motion))
 
     @property
     def basis(self) -> str:
         """What motion is compared with: the first of those that explain it, else of those that there are."""
         return next((b for b in (*self.bases, *self.files.bases)), STILL)
 
-    def result(self, starts: list[int], verdicts: list[Verdict]) -> Check:
+    def result(self, verdicts: list[Verdict]) -> Check:
         """The check with the verdicts on motion and on its classes."""
-        if self.files.some.motion is None or not starts:
-            why = "there is no motion pass" if starts else "no two frames are consecutive"
+        if self.files.some.motion is None or not self.files.starts:
+            why = "there is no motion pass" if self.files.starts else "no two frames are consecutive"
             classes = () if self.files.some.motion is None else (ClassVerdict("vectors", NOT_JUDGED, why, 1.0),)
             return Check((*verdicts, *_skipped((*MOTION, *_OTHERS), why)), self.best, classes=classes)
-        pairs = [pair for first in starts if (pair := self.vectors(first)) is not None]
+        pairs = [pair for first in self.files.starts if (pair := self.vectors(first)) is not None]
         for pair in pairs:
             pair.faults |= simple_faults(pair, self.late(pair, {p.frame: p for p in pairs}))
         classes = class_verdicts(pairs) or (ClassVerdict("vectors", NOT_JUDGED, "nothing to compare them with", 1.0),)
@@ -309,7 +300,7 @@ class _Checked:
     def camera(self) -> Verdict:
         """Whether the camera put the positions of every file on their pixels."""
         text = self.files.camera.describe()
-        if not self.positions:
+        if not self.files.positions:
             return Verdict("camera", "not checked", f"{text}: there is no position pass")
         share = self._placed(self.best)
         if not self.best.without(*MOTION).values:
@@ -327,7 +318,7 @@ class _Checked:
             why = "there is no camera to compare with" if self.files.fitted else "these files do not have it"
             return Verdict(name, "not checked", why)
         value, read, size = getattr(best, name), best.without(name), len(best.values)
-        measures = [(self._placed(read), self._placed(best))] if name not in MOTION and self.positions else []
+        measures = [(self._placed(read), self._placed(best))] if name not in MOTION and self.files.positions else []
         measures += [(self._moved(read, basis), self._moved(best, basis)) for basis in self.bases]
         shares = next((m for m in measures if m[1] - m[0] > SAME), measures[0] if measures else (None, None))
         if value:
@@ -345,12 +336,11 @@ class _Checked:
 
     def centers(self) -> Verdict:
         """Whether positions are those of pixel centers."""
-        if not self.positions:
-            return Verdict("centers", "not checked", "there is no position pass")
-        off = [self.files.misplaced(number, self.best) for number in self.files.frames]
-        off = [d for d in off if d is not None and np.isfinite(d).any()]
+        numbers = self.files.frames if self.files.positions else ()
+        off = [d for n in numbers if (d := self.files.misplaced(n, self.best)) is not None and np.isfinite(d).any()]
         if not off:
-            return Verdict("centers", "not checked", "no position is in front of the camera")
+            why = "no position is in front of the camera" if numbers else "there is no position pass"
+            return Verdict("centers", "not checked", why)
         offsets = np.array([_offset(d)[0] for d in off])
         x, y = offsets[np.abs(offsets).max(axis=1).argmax()]
         spread = max(float(np.nanmedian(length(d - _offset(d)))) for d in off)
@@ -366,9 +356,8 @@ class _Checked:
         whole = np.rint((x, y))
         if np.abs((x, y) - whole).max() <= CENTERED_PX:
             text += f": the image is shifted by {-whole[0]:+g} columns and {-whole[1]:+g} rows"
-        return Verdict(
-            "centers", "wrong" if max(abs(x), abs(y)) > MAX_SHIFT_PX else "note", text, value=f"{x:.3f}, {y:.3f}"
-        )
+        status = "wrong" if max(abs(x), abs(y)) > MAX_SHIFT_PX else "note"
+        return Verdict("centers", status, text, value=f"{x:.3f}, {y:.3f}")
 
     def normals(self) -> Verdict:
         """Whether normals have the axes that the mapping says, by the slopes between neighboring points."""
@@ -378,8 +367,7 @@ class _Checked:
             samples, view = files.placed[number], files.view(number, self.best)
             if frame.normal is None or view is None or not len(samples.at):
                 continue
-            points = np.full((frame.sky.size, 3), np.nan)
-            points[samples.at] = files.points(samples, self.best, view, samples.position)
+            points = files.image(samples, files.points(samples, self.best, view, samples.position), 3)
             points = points.reshape(*frame.sky.shape, 3)
             slopes = points[1:-1, 2:] - points[1:-1, :-2], points[2:, 1:-1] - points[:-2, 1:-1]
             across, normal = np.cross(*slopes), frame.normal[1:-1, 1:-1].astype(np.float64)
@@ -400,7 +388,7 @@ class _Checked:
     def depth(self) -> Verdict:
         """How the depth of all files follows from positions, or, without them, which kind motion shows."""
         files, kind = self.files, self.files.some.depth_kind
-        if not self.positions:
+        if not self.files.positions:
             return self.verdict("depth")
         stored, planar, distance = [], [], []
         for number, samples in files.placed.items():
@@ -420,20 +408,12 @@ class _Checked:
     def vectors(self, first: int) -> PairVectors | None:
         """The vectors of a pair by the best reading; None without a vector or anything to compare it with."""
         files, best = self.files, self.best
-        current, previous = files.pair(first, best)
-        samples, size = files.every[current], files.sequence.size
-        empty = np.full((size[0] * size[1], 2), np.nan)
-        frame = files.frames[current]
-        if not len(samples.at) or not self.files.bases:
-            return None
-        placed = {name: empty.copy() for name in ("stored", "corrected", "still", "truth", "far")}
-        read, right = files.motion(samples, [best.without(*MOTION), best])
-        truth = still = None
-        if files.geometry and self.positions | (frame.depth is not None):
-            still = files.moved(first, best, STILL)
+        current, _ = files.pair(first, best)
+        samples, frame = files.every[current], files.frames[current]
+        still, truth = files.moved(first, best, STILL) if files.geometry else None, None
         if SCENE in files.bases:
             truth, of_scene = (files.of_scene(name, current, samples, best) for name in ("motion", "still"))
-            if truth is not None and self.positions and still is not None:
+            if truth is not None and files.positions and still is not None:
                 there = files.of_scene("position", current, samples, best)
                 points = files.points(samples, best, files.view(current, best), samples.position)
                 away = np.linalg.norm(points - there, axis=-1) > SAME_POINT * np.linalg.norm(points, axis=-1)
@@ -441,27 +421,26 @@ class _Checked:
             still = of_scene
         elif frame.prev_position is not None:
             truth = files.moved(first, best, PREVIOUS)
-        if still is None:
+        if still is None or not len(samples.at):
             return None
-        expected = still if truth is None else truth
-        off = (right - expected)[np.isfinite(expected[:, 0])]
-        jitter = _offset(off)[0] * (_explained(off, MIN_JITTER_PX, shifted=True) >= ENOUGH) if len(off) else np.zeros(2)
-        jitter = jitter * (np.abs(jitter).max() > MIN_JITTER_PX)
-        for name, values in (("stored", read), ("corrected", right - jitter), ("still", still), ("truth", truth)):
-            if values is not None:
-                placed[name][samples.at] = values
-        view, before = files.view(current, best), files.view(previous, best)
-        pair = PairVectors(current, size, **placed, jitter_px=jitter + 0.0)
-        if view is not None and before is not None:
-            self._add_sky(pair, frame, view, before)
+        read, right = files.motion(samples, [best.without(*MOTION), best])
+        off = right - (still if truth is None else truth)
+        off = off[np.isfinite(off[:, 0])]
+        jitter = np.zeros(2)
+        if len(off) and _explained(off, MIN_JITTER_PX, shifted=True) >= ENOUGH:
+            jitter += _offset(off)[0] * (np.abs(_offset(off)).max() > MIN_JITTER_PX)
+        given = {"stored": read, "corrected": right - jitter, "still": still, "truth": truth, "far": None}
+        images = {name: files.image(samples, values) for name, values in given.items()}
+        pair = PairVectors(current, files.sequence.size, **images, jitter_px=jitter)
+        self._add_sky(pair, frame, *(files.view(number, best) for number in files.pair(first, best)))
         return pair
 
-    def _add_sky(self, pair: PairVectors, frame: PathTracedFrame, view: View, before: View) -> None:
+    def _add_sky(self, pair: PairVectors, frame: PathTracedFrame, view: View | None, before: View | None) -> None:
         """Vectors of the sky, and what they are of what is infinitely far away."""
         files = self.files
         sky = frame.sky if files.geometry or pair.frame not in files.truth else files.truth[pair.frame].sky
         samples = Samples.of(frame, sky)
-        if view.camera.parallel or not len(samples.at):
+        if view is None or before is None or view.camera.parallel or not len(samples.at):
             return
         pixels = files.pixels(samples, self.best)
         # Without the position of the camera: infinitely far away.
@@ -470,23 +449,18 @@ class _Checked:
         read, right = files.motion(samples, [self.best.without(*MOTION), self.best])
         pair.stored[samples.at], pair.corrected[samples.at] = read, right - pair.jitter_px
 
-    def late(self, pair: PairVectors, others: dict[int, PairVectors]) -> dict[str, Array | None]:
-        """What vectors of a pair would be by the frames and cameras before and after it; None: not known."""
+    def late(self, pair: PairVectors, others: dict[int, PairVectors]) -> dict[str, Array]:
+        """What vectors of a pair would be by the frames and cameras before and after it, where these are known."""
         step = 1 if self.best.order in BACKWARDS else -1
-        out = {name: None if (other := others.get(pair.frame + shift)) is None else
-               np.where(np.isfinite(other.truth), other.truth, other.still)
-               for name, shift in (("late", step), ("early", -step))}  # fmt: skip
-        files, samples = self.files, self.files.every[pair.frame]
-        now, then, before = (files.view(pair.frame + n * step, self.best) if pair.frame + n * step in files.frames else
-                             None for n in range(3))  # fmt: skip
-        if self.positions and now is not None:
-            points = files.points(samples, self.best, now, samples.position) + now.position
-            for name, start, end in (("camera late", then, before), ("two", now, before)):
-                if start is not None and end is not None:
-                    values = np.full_like(pair.still, np.nan)
-                    size = files.sequence.size
-                    values[samples.at] = project(end, points, size) - project(start, points, size)
-                    out[name] = values
+        beside = {"late": others.get(pair.frame + step), "early": others.get(pair.frame - step)}
+        out = {name: np.where(np.isfinite(p.truth), p.truth, p.still) for name, p in beside.items() if p is not None}
+        files, samples, size = self.files, self.files.every[pair.frame], pair.size
+        numbers = (pair.frame + n * step for n in range(3))
+        now, then, before = (files.view(n, self.best) if n in files.frames else None for n in numbers)
+        for name, start in (("camera late", then), ("two", now)):
+            if files.positions and now is not None and start is not None and before is not None:
+                points = files.points(samples, self.best, now, samples.position) + now.position
+                out[name] = files.image(samples, project(before, points, size) - project(start, points, size))
         return out
 
     def motion(self, pairs: Sequence[PairVectors], good: Sequence[PairVectors]) -> list[Verdict]:
@@ -541,17 +515,17 @@ def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str, offset: fl
     explained, other = found[best]
     if as_read >= ENOUGH and (best == "as read" or explained <= as_read + SAME):
         return Verdict("depth", "ok", kind, as_read, as_read)
+    (a, b), values = _fit(stored, np.ones_like(planar), 1.0 / planar)
     if explained >= MOST:
         keys = [f"depth = '{other}'"] * (other != kind) + [best.partition(", ")[2]] * ("," in best)
         keys = f": set {' and '.join(keys)}" if keys else ""
         text = f"depth is {best}{keys}" + ", in the unit of positions" * (" x " in best)
-        return Verdict("depth", "wrong", text, as_read, explained, value=best)
-    (a, b), values = _fit(stored, np.ones_like(planar), 1.0 / planar)
-    if share(values) >= MOST:
-        value = f"buffer, {'reversed' if b > 0 else 'not reversed'}"
-        text = f"depth is that of a depth {value}, {a:.4g} {b:+.4g} / z: write planar depth z"
-        return Verdict("depth", "wrong", text, as_read, share(values), value=value)
-    return Verdict("depth", "wrong", "depth is neither planar nor a distance nor of a depth buffer", as_read, as_read)
+    elif (explained := share(values)) >= MOST:
+        best = f"buffer, {'reversed' if b > 0 else 'not reversed'}"
+        text = f"depth is that of a depth {best}, {a:.4g} {b:+.4g} / z: write planar depth z"
+    else:
+        text, explained, best = "depth is neither planar nor a distance nor of a depth buffer", as_read, ""
+    return Verdict("depth", "wrong", text, as_read, explained, value=best)
 
 
 def _fit(stored: Array, *terms: Array) -> tuple[Array, Array]:

@@ -29,6 +29,11 @@ FEW_PIXELS = 50
 SAME_POINT = 0.01
 """Largest distance of a file's surface point from the scene's, relative to its depth."""
 
+_MATRICES: dict[str, Callable[[Array], Array]] = {
+    "transposed": np.transpose, "inverse": np.linalg.inv, "inverse transposed": lambda m: np.linalg.inv(m.T),
+    "rotation transposed": lambda m: math3d.affine(m[:3, :3].T, m[:3, 3]),
+    "y down, z forward": lambda m: m @ np.diag([1.0, -1.0, -1.0, 1.0]),
+}  # fmt: skip
 _SEARCHED = 300  # pixels of each frame in the search; shares are then counted over all
 
 
@@ -70,12 +75,14 @@ class Samples:
 class Files:
     """The files that are checked.  ``placed`` samples have a surface point, ``every`` and ``few`` a vector as well.
 
-    ``render``: gives the truth of the scene; None: it is not known; ``offsets`` of the scene's camera not tried yet.
+    ``starts``: first files of the pairs; ``render``: gives the truth of the scene; None: it is not known;
+    ``offsets`` of the scene's camera not tried yet.
     """
 
     sequence: PathTracedSequence
     camera: PathTracedCamera
     frames: dict[int, PathTracedFrame]
+    starts: list[int] = field(default_factory=list)
     render: Truth | None = None
     offsets: list[int] = field(default_factory=lambda: [-1, 0, 1])
     placed: dict[int, Samples] = field(default_factory=dict)
@@ -132,9 +139,14 @@ class Files:
         return True
 
     @property
+    def positions(self) -> bool:
+        """Whether there is a position pass."""
+        return self.some.position is not None
+
+    @property
     def geometry(self) -> bool:
         """Whether surface points are known: there is a position or a depth pass."""
-        return self.some.position is not None or self.some.depth is not None
+        return self.positions or self.some.depth is not None
 
     @property
     def fitted(self) -> bool:
@@ -166,14 +178,7 @@ class Files:
         frame = self.frames[number]
         view = self.camera.view(shown, _flipped(frame) if reading.rows else frame)
         if reading.matrix:
-            matrix = self.camera.file.matrices[shown]
-            if reading.matrix == "rotation transposed":
-                matrix = math3d.affine(matrix[:3, :3].T, matrix[:3, 3])
-            elif reading.matrix == "y down, z forward":
-                matrix = matrix @ np.diag([1.0, -1.0, -1.0, 1.0])
-            else:
-                matrix = matrix.T if "transposed" in reading.matrix else matrix
-                matrix = np.linalg.inv(matrix) if "inverse" in reading.matrix else matrix
+            matrix = _MATRICES[reading.matrix](self.camera.file.matrices[shown])
             view = replace(view, position=matrix[:3, 3].copy(), world_from_view=math3d.orthonormal(matrix[:3, :3]))
         if reading.lens and view.camera.kind == "perspective":
             width, height = self.sequence.size
@@ -221,11 +226,18 @@ class Files:
 
     def moved(self, first: int, reading: Reading, basis: str, *, few: bool = False) -> Array | None:
         """Motion of the surface points of a pair by ``basis``, (N, 2) pixels, NaN: unknown; None without views."""
-        current, previous = self.pair(first, reading)
-        samples = (self.few if few else self.every)[current]
+        samples = (self.few if few else self.every)[self.pair(first, reading)[0]]
         if basis == SCENE:
-            return self.of_scene("motion", current, samples, reading)
-        return self.seen_from(samples, reading, self.view(current, reading), self.view(previous, reading), basis)
+            return self.of_scene("motion", self.pair(first, reading)[0], samples, reading)
+        view, before = (self.view(number, reading) for number in self.pair(first, reading))
+        if view is None or before is None:
+            return None
+        size, points = self.sequence.size, self.points(samples, reading, view, samples.position)
+        there = points + (view.position - before.position)
+        if basis == PREVIOUS:
+            there = self.points(samples, reading, before, samples.prev_position)
+        # Both ends are projected: the samples of a jittered frame are not at the pixel centers.
+        return project(before, there, size, relative=True) - project(view, points, size, relative=True)
 
     def of_scene(self, name: str, number: int, samples: Samples, reading: Reading) -> Array | None:
         """An array of the truth of file ``number`` at ``samples``, (N, ...); None without truth."""
@@ -234,19 +246,12 @@ class Files:
         column, row = self.pixels(samples, reading).astype(int).T
         return getattr(self.truth[number], name)[row, column]
 
-    def seen_from(
-        self, samples: Samples, reading: Reading, view: View | None, before: View | None, basis: str = STILL
-    ) -> Array | None:
-        """Motion of the points of ``samples`` from camera ``before`` to ``view``, (N, 2); None without both."""
-        if view is None or before is None:
-            return None
-        size, points = self.sequence.size, self.points(samples, reading, view, samples.position)
-        if basis == PREVIOUS:
-            there = self.points(samples, reading, before, samples.prev_position)
-        else:
-            there = points + (view.position - before.position)
-        # Both ends are projected: the samples of a jittered frame are not at the pixel centers.
-        return project(before, there, size, relative=True) - project(view, points, size, relative=True)
+    def image(self, samples: Samples, values: Array | None, components: int = 2) -> Array:
+        """``values`` (N, components) at their pixels, (h * w, components); NaN elsewhere, everywhere for None."""
+        out = np.full((self.some.sky.size, components), np.nan)
+        if values is not None:
+            out[samples.at] = values
+        return out
 
     def motion(self, samples: Samples, readings: Sequence[Reading]) -> Array:
         """The motion pass by each reading, (K, N, 2) pixels."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,8 @@ import numpy as np
 
 from taubench_gl.data_files import read_bytes
 from taubench_gl.outputs import output_folder, remove_files, write_atomically
-from taubench_gl.pathtraced.check import TOLERANCE_PX, Check
+from taubench_gl.pathtraced.check import Check
+from taubench_gl.pathtraced.check_vectors import TOLERANCE_PX
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.report.page import REPORT_FILE, Page, data_uri, picture, text_lines
 from taubench_gl.report.plot import Plot
@@ -59,19 +60,18 @@ def check_tables(summary: Summary) -> list[Table]:
     """A row for each class of vectors, for each convention, and for each pair."""
     shares = (Column("as read", "%", 1, "Pixels explained with this convention as the mapping has it"),
               Column("explained", "%", 1, "Pixels explained with it corrected"))  # fmt: skip
-    rows, lead = [], []
+    rows, lead = [], [f"{summary['sequence']}, mapping {summary['mapping']}: {headline(summary)}"]
     for verdict in summary["verdicts"]:
-        name, status, text = (verdict[key] for key in ("convention", "status", "text"))
+        status, text, name = verdict["status"], verdict["text"], verdict["convention"]
+        name = _LABELS.get(name, name)
         if others := verdict["equivalent"]:
             more = f"; and {len(others) - _MOST} more" * (len(others) > _MOST)
             text += f"; equivalent: {'; or '.join(others[:_MOST])}{more}"
         if status == "wrong":
-            lead.append(f"{_LABELS.get(name, name)}: {text}")
+            lead.append(f"{name}: {text}")
         short = status == "wrong" or (status == "ok" and len(text) <= _SHORT)
         cell = f"ok: {text}" if status == "ok" and short else status
-        values = (cell, verdict["as_read"], verdict["explained"])
-        rows.append(Row(_LABELS.get(name, name), values, reasons={} if short else {0: text}))
-    lead.insert(0, f"{summary['sequence']}, mapping {summary['mapping']}: {headline(summary)}")
+        rows.append(Row(name, (cell, verdict["as_read"], verdict["explained"]), reasons={} if short else {0: text}))
     notes = (f"explained: within {TOLERANCE_PX:g} px of the motion of {summary['basis']}",) if summary["pairs"] else ()
     judged = (Column("answer"), Column("pixels", "%", 1, "Share of the picture"),
               Column("judged", "%", 1, "Share of these whose motion is known"),
@@ -79,27 +79,22 @@ def check_tables(summary: Summary) -> list[Table]:
               Column("corrected", "%", 1, "The same with wrong conventions corrected"))  # fmt: skip
     of_classes = [Row(c["name"], (c["answer"], *(c[key] for key in ("pixels", "judged", "as_read", "explained"))),
                       reasons={0: c["text"]} if c["text"] else {}) for c in summary["classes"]]  # fmt: skip
-    tables = [Table("classes", "Motion vectors", judged, tuple(of_classes), notes, tuple(lead))] if of_classes else []
-    lead = [] if of_classes else lead
-    tables += [Table("conventions", "Conventions", (Column("verdict"), *shares), tuple(rows), (), tuple(lead))]
-    columns = (
-        judged[2],
-        *judged[3:],
-        *(Column(name, "px", digits) for name, digits in (("jitter x", 3), ("jitter y", 3), ("motion", 2))),
-    )
     of_pairs = [Row(f"frame {p['frame']}", (*(p[n] for n in _PAIR[1:4]), *p["jitter_px"], p["expected_px"]))
                 for p in summary["pairs"]]  # fmt: skip
-    return tables + ([Table("pairs", "Motion of each pair", columns, tuple(of_pairs))] if of_pairs else [])
+    px = (Column("jitter x", "px", 3), Column("jitter y", "px", 3), Column("motion", "px", 2))
+    tables = [Table("classes", "Motion vectors", judged, tuple(of_classes), notes),
+              Table("conventions", "Conventions", (Column("verdict"), *shares), tuple(rows)),
+              Table("pairs", "Motion of each pair", (*judged[2:], *px), tuple(of_pairs))]  # fmt: skip
+    first, *others = (table for table in tables if table.rows)
+    return [replace(first, lead=tuple(lead)), *others]
 
 
 def headline(summary: Summary) -> str:
     """The answer in one line: what is wrong, then what is not judged."""
     count = sum(verdict["status"] == "not checked" for verdict in summary["verdicts"])
     parts = [f"{len(summary['wrong'])} of {len(summary['verdicts'])} conventions wrong, {count} not checked"]
-    parts += [
-        f"vectors of {c['name']} {c['answer']}".replace("vectors of vectors", "vectors") for c in summary["classes"]
-    ]
-    parts += [] if summary["classes"] else ["no motion vectors"]
+    classes = [f"vectors of {c['name']} {c['answer']}" for c in summary["classes"]] or ["no motion vectors"]
+    parts += [text.replace("vectors of vectors", "vectors") for text in classes]
     return f"{summary['answer'].upper()}: {'; '.join(parts)}"
 
 

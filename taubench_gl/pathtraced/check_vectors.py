@@ -45,6 +45,7 @@ FAULTS = {
 """Key of a fault -> what is said of it."""
 
 _NOTHING = "vectors equal the camera's everywhere: object motion is missing, or nothing moves"
+_DIFFERENT = "vectors differ from the camera's: give --scene-file or previous positions"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,21 +92,23 @@ class PairVectors:
         return bool(np.isfinite(self.truth).any())
 
     @property
+    def reference(self) -> Array:
+        """What vectors of surfaces are compared with: the truth or, where it is not known, ``still``."""
+        return self.truth if self.known else self.still
+
+    @property
     def surfaces(self) -> Array:
         """Pixels with a surface, a vector and something to compare with, (h * w,) bool."""
-        return np.isfinite(self.corrected[:, 0] + (self.truth if self.known else self.still)[:, 0])
+        return np.isfinite(self.corrected[:, 0] + self.reference[:, 0])
 
     def near(self, expected: Array, vectors: Array | None = None) -> Array:
         """Where ``vectors``, None: ``corrected``, are within the tolerance of ``expected``, (h * w,) bool."""
-        return length(difference(expected, self.corrected if vectors is None else vectors)) <= tolerance(expected)
+        return length(self.corrected if vectors is None else vectors, expected) <= tolerance(expected)
 
     @property
     def good(self) -> bool:
         """Whether camera or truth explain enough."""
-        surfaces = self.surfaces
-        return bool(surfaces.any()) and float(self.near(self.truth if self.known else self.still)[surfaces].mean()) >= (
-            ENOUGH
-        )
+        return self._right(self.corrected, self.reference) >= ENOUGH
 
     @property
     def expected(self) -> Array:
@@ -123,40 +126,34 @@ class PairVectors:
     @property
     def as_read(self) -> float:
         """Share of the judged surfaces that are right as the mapping reads them, 0 to 1."""
-        return self._right(self.stored)
+        return self._right(self.stored, self.expected)
 
     @property
     def explained(self) -> float:
         """Share of the judged surfaces that are right once corrected, 0 to 1."""
-        return self._right(self.corrected)
+        return self._right(self.corrected, self.expected)
 
-    def _right(self, vectors: Array) -> float:
-        known = self.surfaces & np.isfinite(self.expected[:, 0])
-        return float(self.near(self.expected, vectors)[known].mean()) if known.any() else 0.0
+    def _right(self, vectors: Array, expected: Array) -> float:
+        known = self.surfaces & np.isfinite(expected[:, 0])
+        return float(self.near(expected, vectors)[known].mean()) if known.any() else 0.0
 
     @property
     def expected_px(self) -> float:
         """Median length of the motion of surfaces, pixels."""
-        motion = length((self.truth if self.known else self.still)[self.surfaces])
+        motion = length(self.reference[self.surfaces])
         return float(np.median(motion)) if len(motion) else 0.0
 
     @property
     def errors(self) -> tuple[Array, ...]:
         """Errors (h, w) as read and corrected, pixels, NaN where nothing is known."""
-        given = (self.stored, self.corrected)
-        return tuple(length(difference(v, self.expected)).reshape(self.size[::-1]) for v in given)
+        return tuple(length(v, self.expected).reshape(self.size[::-1]) for v in (self.stored, self.corrected))
 
 
-def difference(a: Array, b: Array) -> Array:
-    """``a`` - ``b`` without warnings for infinite values."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        return a - b
-
-
-def length(vectors: Array) -> Array:
-    """Lengths (...) of vectors (..., 2)."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.hypot(vectors[..., 0], vectors[..., 1])
+@np.errstate(invalid="ignore", over="ignore")
+def length(vectors: Array, others: Array | float = 0.0) -> Array:
+    """Lengths (...) of vectors (..., 2) less ``others``, without warnings for infinite values."""
+    off = vectors - others
+    return np.hypot(off[..., 0], off[..., 1])
 
 
 def tolerance(expected: Array) -> Array:
@@ -173,80 +170,67 @@ def _surfaces(pairs: Sequence[PairVectors]) -> Iterator[ClassVerdict | None]:
     if not any(pair.surfaces.any() for pair in pairs):
         text = "no vector of a surface can be compared: no geometry, or no finite vectors"
         yield ClassVerdict(STILL, NOT_JUDGED, text, 0.0)
-    elif any(pair.known for pair in pairs):
-        yield from _by_truth([pair for pair in pairs if pair.known])
+    elif known := [pair for pair in pairs if pair.known]:
+        for name in (STILL, MOVING):
+            masks = [p.surfaces & ((length(p.truth, p.still) > TOLERANCE_PX) == (name == MOVING)) for p in known]
+            yield _judged(name, known, masks, "truth")
     else:
         yield from _by_camera(pairs)
 
 
-def _by_truth(pairs: Sequence[PairVectors]) -> Iterator[ClassVerdict | None]:
-    for name in (STILL, MOVING):
-        masks = [pair.surfaces & ((length(difference(pair.truth, pair.still)) > TOLERANCE_PX) == (name == MOVING))
-                 for pair in pairs]  # fmt: skip
-        yield _judged(name, pairs, masks, [pair.truth for pair in pairs])
-
-
 def _by_camera(pairs: Sequence[PairVectors]) -> Iterator[ClassVerdict | None]:
-    good, masks = [pair for pair in pairs if pair.good], [pair.surfaces for pair in pairs]
-    surfaces, explained = _share(masks, pairs), _explained([(p, p.surfaces) for p in pairs], "still") or 0.0
-    shares = {key: _explained([(p, p.surfaces) for p in pairs], key) or 0.0 for key in FAULTS if key != "still"}
+    good, surfaces = [p for p in pairs if p.good], [(p, p.surfaces) for p in pairs]
+    shares = _fault_shares(surfaces)
+    explained = shares.pop("still")
     fault = max(shares, key=shares.get)
     if not good and shares[fault] < ENOUGH:
-        fault = "random" if all(_random(pair, pair.surfaces) for pair in pairs) else ""
+        fault = "random" if all(_random(*each) for each in surfaces) else ""
     elif shares[fault] < max(ENOUGH, explained + MARGIN):
         fault = ""
     if fault or not good:
         why = "no convention explains the vectors: surfaces move, or the pass is no motion"
-        yield ClassVerdict(STILL, WRONG if fault else NOT_JUDGED, FAULTS.get(fault, why), surfaces, float(bool(fault)),
+        yield ClassVerdict(STILL, WRONG if fault else NOT_JUDGED, FAULTS.get(fault, why),
+                           _share([mask for _, mask in surfaces], pairs), float(bool(fault)),
                            explained, explained, fault)  # fmt: skip
         yield ClassVerdict(MOVING, NOT_JUDGED, "not known: give --scene-file or previous positions", 0.0)
         return
-    still = [pair.surfaces & pair.near(pair.still) for pair in good]
-    yield _judged(STILL, good, still, [pair.still for pair in good])
-    others = [pair.surfaces & ~mask for pair, mask in zip(good, still, strict=True)]
-    if _share(others, good) < 1.0 - MOST and sum(map(np.count_nonzero, others)) < FEW_PIXELS * len(good):
-        yield ClassVerdict(MOVING, NOT_JUDGED, _NOTHING, _share(others, good))
-    else:
-        text = "vectors differ from the camera's: give --scene-file or previous positions"
-        yield ClassVerdict(MOVING, NOT_JUDGED, text, _share(others, good))
+    yield _judged(STILL, good, [p.surfaces & p.near(p.still) for p in good], "still")
+    others = [p.surfaces & ~p.near(p.still) for p in good]
+    few = _share(others, good) < 1.0 - MOST and sum(map(np.count_nonzero, others)) < FEW_PIXELS * len(good)
+    yield ClassVerdict(MOVING, NOT_JUDGED, _NOTHING if few else _DIFFERENT, _share(others, good))
 
 
-def _judged(
-    name: str, pairs: Sequence[PairVectors], masks: Sequence[Array], expected: Sequence[Array]
-) -> ClassVerdict | None:
-    """The verdict on the pixels of ``masks``, whose vectors should be ``expected``; None for too few pixels."""
+def _judged(name: str, pairs: Sequence[PairVectors], masks: Sequence[Array], expected: str) -> ClassVerdict | None:
+    """The verdict on the pixels of ``masks``, whose vectors should be the field ``expected``; None for too few."""
     if sum(map(np.count_nonzero, masks)) < FEW_PIXELS:
         return None
-    used = [(p, m, e) for p, m, e in zip(pairs, masks, expected, strict=True) if m.any()]
-    read, right = ([p.near(e, vectors)[m] for (p, m, e), vectors in zip(used, given, strict=True)]
-                   for given in ([p.stored for p, *_ in used], [p.corrected for p, *_ in used]))  # fmt: skip
+    used = [(p, m, getattr(p, expected)) for p, m in zip(pairs, masks, strict=True) if m.any()]
+    read, right = ([p.near(e, getattr(p, given))[m] for p, m, e in used] for given in ("stored", "corrected"))
     shares = (_share(masks, pairs), 1.0, *(float(np.concatenate(each).mean()) for each in (read, right)))
-    bad = [(p, m & ~p.near(e)) for (p, m, e), each in zip(used, right, strict=True)
-           if each.size >= FEW_PIXELS and each.mean() < MOST]  # fmt: skip
+    wrong = [(p, m & ~p.near(e)) for p, m, e in used]
+    bad = [w for w, near in zip(wrong, right, strict=True) if near.size >= FEW_PIXELS and near.mean() < MOST]
     if not bad and shares[3] >= MOST:
         return ClassVerdict(name, RIGHT, "", *shares)
-    bad = bad or [(p, m & ~p.near(e)) for p, m, e in used]
-    fault = _named(bad, name)
-    frames = ", ".join(str(p.frame) for p, _ in bad)
-    text = FAULTS.get(fault, "no known fault explains them") + f" (frame {frames})" * (len(bad) < len(pairs))
+    bad = bad or wrong
+    explained = _fault_shares(bad)
+    explained["still"] *= name != STILL
+    fault = max(explained, key=explained.get)
+    if explained[fault] < MOST:
+        fault = "random" if all(_random(*each) for each in bad) else ""
+    text = FAULTS.get(fault, "no known fault explains them")
+    text += f" (frame {', '.join(str(p.frame) for p, _ in bad)})" * (len(bad) < len(pairs))
     return ClassVerdict(name, WRONG, text, *shares, fault=fault)
 
 
-def _named(bad: Sequence[tuple[PairVectors, Array]], name: str) -> str:
-    """The key of FAULTS that explains most of the wrong vectors, if it explains MOST of them; "" for none."""
-    shares = {key: _explained(bad, key) or 0.0 for key in FAULTS if not (key == "still" and name == STILL)}
-    if shares[best := max(shares, key=shares.get)] >= MOST:
-        return best
-    return "random" if all(_random(pair, mask) for pair, mask in bad) else ""
-
-
-def _explained(masks: Sequence[tuple[PairVectors, Array]], fault: str) -> float | None:
-    """Share of the pixels of ``masks`` that a fault explains, of those for which it is known; None for few pixels."""
-    known = [(p, m & np.isfinite(p.faults[fault][:, 0])) for p, m in masks if fault in p.faults]
-    count = sum(np.count_nonzero(m) for _, m in known)
-    if count < FEW_PIXELS:
-        return None
-    return sum(np.count_nonzero(p.near(p.faults[fault]) & m) for p, m in known) / count
+def _fault_shares(masks: Sequence[tuple[PairVectors, Array]]) -> dict[str, float]:
+    """Key of FAULTS -> share of the pixels of ``masks`` that it explains, of those it says something of; 0: of few."""
+    shares = dict.fromkeys(FAULTS, 0.0)
+    for fault in FAULTS:
+        known = [(p, m & np.isfinite(p.faults[fault][:, 0])) for p, m in masks if fault in p.faults]
+        count = sum(np.count_nonzero(m) for _, m in known)
+        if count >= FEW_PIXELS:
+            shares[fault] = sum(np.count_nonzero(p.near(p.faults[fault]) & m) for p, m in known) / count
+    return shares
 
 
 def _random(pair: PairVectors, mask: Array) -> bool:
@@ -265,15 +249,17 @@ def _sky(pairs: Sequence[PairVectors]) -> ClassVerdict | None:
     masks = [np.isfinite(pair.far[:, 0]) for pair in pairs]
     if sum(map(np.count_nonzero, masks)) < FEW_PIXELS:
         return None
-    pixels = _share(masks, pairs)
-    vectors = np.concatenate([pair.stored[mask] for pair, mask in zip(pairs, masks, strict=True)])
-    far = np.concatenate([pair.far[mask] for pair, mask in zip(pairs, masks, strict=True)])
+    vectors, far = (np.concatenate([getattr(p, name)[mask] for p, mask in zip(pairs, masks, strict=True)])
+                    for name in ("stored", "far"))  # fmt: skip
+    absent = ""
     if not np.isfinite(vectors).all(axis=-1).mean() >= ENOUGH:
-        return ClassVerdict(SKY, ABSENT, "the sky has no vectors (NaN): reproject it by the camera", pixels)
-    if np.nanmedian(length(far)) >= MIN_MOTION_PX and (length(vectors) <= 1e-6).mean() >= MOST:
-        text = "the sky has no vectors (zero although the camera turns): reproject it by the camera"
-        return ClassVerdict(SKY, ABSENT, text, pixels)
-    return _judged(SKY, pairs, masks, [pair.far for pair in pairs])
+        absent = "NaN"
+    elif np.nanmedian(length(far)) >= MIN_MOTION_PX and (length(vectors) <= 1e-6).mean() >= MOST:
+        absent = "zero although the camera turns"
+    if absent:
+        text = f"the sky has no vectors ({absent}): reproject it by the camera"
+        return ClassVerdict(SKY, ABSENT, text, _share(masks, pairs))
+    return _judged(SKY, pairs, masks, "far")
 
 
 def _share(masks: Sequence[Array], pairs: Sequence[PairVectors]) -> float:
@@ -281,12 +267,11 @@ def _share(masks: Sequence[Array], pairs: Sequence[PairVectors]) -> float:
     return sum(map(np.count_nonzero, masks)) / sum(len(pair.still) for pair in pairs)
 
 
-def simple_faults(pair: PairVectors, late: Mapping[str, Array | None]) -> dict[str, Array]:
-    """What vectors would be by each of FAULTS, (h * w, 2).  ``late``: those that other frames give; None: unknown."""
+def simple_faults(pair: PairVectors, late: Mapping[str, Array]) -> dict[str, Array]:
+    """What vectors would be by each of FAULTS, (h * w, 2).  ``late``: those that other frames give."""
     shown, still = pair.corrected[pair.surfaces], pair.still
     middle = np.median(shown, axis=0) if len(shown) else np.full(2, np.nan)
-    out = {"zero": np.zeros_like(still), "constant": np.broadcast_to(middle, still.shape), "still": still}
-    out |= {name: values for name, values in late.items() if values is not None}
+    out = {"zero": np.zeros_like(still), "constant": np.broadcast_to(middle, still.shape), "still": still, **late}
     if pair.known:
         moved = pair.truth - still
         out |= {name: still + factor * moved for name, factor in (("half", 0.5), ("double", 2.0), ("negative", -1.0))}

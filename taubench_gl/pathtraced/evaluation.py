@@ -25,13 +25,7 @@ from taubench_gl.metrics.activity import camera_activity, summarize
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
-from taubench_gl.pathtraced.cameras import (
-    CAMERA_FILE,
-    FittedCamera,
-    PathTracedCamera,
-    SceneCamera,
-    SidecarCamera,
-)
+from taubench_gl.pathtraced.cameras import CAMERA_FILE, FittedCamera, PathTracedCamera, SceneCamera, SidecarCamera
 from taubench_gl.pathtraced.sequence import PathTracedSequence, is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.report.labels import GIVEN

@@ -123,10 +123,15 @@ def read_header(path: str | Path) -> ExrHeader:
     return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names), frozenset(headers[0]), tuple(views))
 
 
+def prefixed(prefix: str, name: str) -> str:
+    """``prefix.name``, or ``name`` without a prefix."""
+    return f"{prefix}.{name}" if prefix else name
+
+
 def merge(images: Sequence[tuple[str, ExrImage]]) -> ExrImage:
     """Combine files of equal size into one image; channels become ``prefix.channel``.  Raises PathTracedError."""
     first = images[0][1]
-    planes = {f"{prefix}.{n}" if prefix else n: p for prefix, image in images for n, p in image._planes.items()}
+    planes = {prefixed(prefix, n): p for prefix, image in images for n, p in image._planes.items()}
     chromaticities = next((image.chromaticities for _, image in images if image.chromaticities), None)
     windows = {image._display for _, image in images}
     if len(windows) > 1:
@@ -287,9 +292,8 @@ def _native_stderr(captured: list[str]) -> Iterator[None]:
 
 def _from_library(path: Path, error: Exception) -> PathTracedError:
     if isinstance(error, MemoryError):
-        return PathTracedError(
-            "does not fit into memory", where=str(path), hint="write fewer passes or a smaller image"
-        )
+        hint = "write fewer passes or a smaller image"
+        return PathTracedError("does not fit into memory", where=str(path), hint=hint)
     if "deep" in str(error).lower():
         return _deep(path)
     if isinstance(error, UnicodeDecodeError):

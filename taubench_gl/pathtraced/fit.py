@@ -37,12 +37,9 @@ class CameraFit:
         )
 
 
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # a fit that diverges is refused
 def fit_camera(
-    position: Array,
-    sky: Array,
-    depth: Array | None = None,
-    where: str | None = None,
-    center: tuple[int, int] = (0, 0),
+    position: Array, sky: Array, depth: Array | None = None, where: str | None = None, center: tuple[int, int] = (0, 0)
 ) -> CameraFit:
     """Least squares on pixel coordinates, float64, seven unknowns: position, rotation, field of view.
 
@@ -75,7 +72,7 @@ def fit_camera(
             error = np.linalg.norm(_project(guess, points) - screen, axis=-1) * (0.5 * h)
             # Leave out filtered positions at edges, and pixels with motion blur.
             inliers = error <= max(0.01, 4.0 * float(np.median(error)))
-    except np.linalg.LinAlgError:
+    except (np.linalg.LinAlgError, OverflowError):
         raise _no_camera("the points it shows are too flat", where) from None
     rotation, origin, tangent = guess
     median, p95 = float(np.median(error)), float(np.percentile(error, 95))
@@ -152,8 +149,7 @@ def _rotation(matrix: Array) -> Array:
 def _project(guess: Guess, points: Array) -> Array:
     rotation, origin, tangent = guess
     view = (points - origin) @ rotation
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return view[:, :2] / (-view[:, 2:] * tangent)
+    return view[:, :2] / (-view[:, 2:] * tangent)
 
 
 def _refine(guess: Guess, points: Array, screen: Array) -> Guess:

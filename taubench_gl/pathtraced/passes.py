@@ -42,6 +42,7 @@ UNIT_ROUNDING = 5e-7
 SHORT_NORMAL = 0.99
 """Normals that are shorter are means of several: rounding to half floats or 8 bits changes a length by less."""
 
+_LIGHT = ("combined", "emission", "environment", "diffuse_color", "glossy_color")
 _LETTERS = {1: ("Z", "V", "T", "Y", "R", "X"), 2: ("XY", "RG", "UV"), 3: ("XYZ", "RGB")}
 PRESETS = Path(__file__).parent / "presets"
 """Folder of the built-in mappings."""
@@ -230,35 +231,33 @@ class PathTracedFrame:
     NaN marks pixels outside the data window.
     """
 
+    mapping: PassMap  # what was read; passes are converted but for ``normals``, ``color`` and ``principal_point``
     size: tuple[int, int]
     sky: Array  # (h, w) bool, True where no surface is visible
-    normal: Array | None  # (h, w, 3) float32, unit, world axes unless ``view_normals``
+    normal: Array | None  # (h, w, 3) float32, unit, axes as ``mapping.normals`` says
     position: Array | None  # (h, w, 3) float32, world
     depth: Array | None  # (h, w) float32, as ``depth_kind``
     depth_kind: str  # planar: along the view direction; distance: from the camera position
     prev_position: Array | None  # (h, w, 3) float32, world
     motion: Array | None  # (h, w, 2) float32, previous - current, pixels, +x right, +y down
-    combined: Array | None  # (h, w, 3) float32, linear radiance unless ``color_encoded``
+    combined: Array | None  # (h, w, 3) float32, linear radiance unless ``mapping.color`` is encoded
     emission: Array | None  # (h, w, 3) float32, linear radiance
     environment: Array | None  # (h, w, 3) float32, linear radiance
     radiance: Mapping[str, Array]  # direct, indirect: (h, w, 3) float32, linear
     lobes: Mapping[str, Array]  # requested lobes, "diffuse_direct", ...: (h, w, 3) float32, linear
-    color_encoded: bool = False  # combined is tone-mapped and sRGB-encoded
     diffuse_color: Array | None = None  # (h, w, 3) float32, albedo of the diffuse lobe
     glossy_color: Array | None = None  # (h, w, 3) float32, albedo of the glossy lobe
     relative: bool = False  # position is relative to the frame's camera, prev_position to the previous frame's
     depth_offset: float = 0.0  # meters in front of the camera, along its axis, where ``depth`` starts
     half_position: bool = False  # positions are rounded to half floats
     finer_depth: bool = False  # there is depth, which is not
-    principal_point: tuple[int, int] = (0, 0)  # pixels right and down, of the camera's axis from the image center
     short_normals: float = 0.0  # share of the surface pixels whose stored normal was shorter than SHORT_NORMAL, not 0
     no_normals: float = 0.0  # share of the surface pixels whose normal is zero
-    view_normals: bool = False  # normals have the axes of the view
     kept: Array | None = None  # (h, w) float32, weight that the frames' program gave its history; 0: rejected
 
     def linear_radiance(self, exposure: float, where: str) -> Array:
         """``linear_radiance`` of the combined pass."""
-        return linear_radiance(self.combined, self.color_encoded, exposure, where)
+        return linear_radiance(self.combined, self.mapping.color == "encoded", exposure, where)
 
 
 def linear_radiance(combined: Array | None, encoded: bool, exposure: float, where: str) -> Array:
@@ -319,11 +318,8 @@ def read_frame(
     position, normal, depth = take("position"), take("normal"), take("depth")
     if geometry and position is None and depth is None:
         names = f"{mapping.file_name('position')} and {mapping.file_name('depth')}"
-        raise PathTracedError(
-            f"has neither of the passes {names}",
-            where=str(image.path),
-            hint=f"{NAME_IT}; it has {_listed(image.names)}",
-        )
+        hint = f"{NAME_IT}; it has {_listed(image.names)}"
+        raise PathTracedError(f"has neither of the passes {names}", where=str(image.path), hint=hint)
     depth = None if depth is None else _forward(depth[..., 0], mapping, str(image.path))
     sky = find_sky(position, normal, depth, mapping, image.size)
     meters = np.float32(mapping.meters)
@@ -334,26 +330,22 @@ def read_frame(
     rejected, weight = take("rejected"), take("history_weight")
     kept = weight if rejected is None else np.where(np.isnan(rejected), rejected, np.float32(1) - rejected)
     return PathTracedFrame(
+        mapping=mapping,
         size=image.size,
         sky=sky,
         normal=None if normal is None else unit(to_y_up(normal, "y" if mapping.normals == "view" else mapping.up)),
-        view_normals=mapping.normals == "view",
         position=None if position is None else to_y_up(position, mapping.up) * meters,
         depth=None if depth is None else depth * meters,
         depth_kind="distance" if mapping.depth == "distance" else "planar",
         prev_position=None if prev is None else to_y_up(prev, mapping.up) * meters,
         motion=_motion(take("motion"), mapping, image.size),
-        **{
-            name: light(take(name)) for name in ("combined", "emission", "environment", "diffuse_color", "glossy_color")
-        },
+        **{name: light(take(name)) for name in _LIGHT},
         radiance={name: light(values) for name, values in radiance.items()},
         lobes={name: light(values) for name, values in separate.items()},
-        color_encoded=mapping.color == "encoded",
         relative=mapping.positions == "relative",
         depth_offset=mapping.depth_offset * mapping.meters,
         half_position=position is not None and _in_halves(position[~sky]),
         finer_depth=depth is not None and not _in_halves(depth[~sky]),
-        principal_point=mapping.principal_point,
         short_normals=float(((length > 0) & (length < SHORT_NORMAL)).mean()),
         no_normals=float((length == 0).mean()),
         kept=None if kept is None else kept[..., 0],
@@ -462,21 +454,14 @@ def _light(
 
 def missing_columns(index: ChannelIndex, lobes: Collection[str] = ()) -> dict[str, str]:
     """Columns and requested ``lobe_bounce`` entries that cannot be computed -> reason with the missing passes."""
-    missing = {}
-    for column, name in (("normal", "normal"), ("color", "combined")):
-        if name not in index:
-            missing[column] = _needs([name], index.mapping)
+    wanted = {"normal": ["normal"], "color": ["combined"]}
     for bounce in BOUNCES:
-        lacking = _lacking(index, bounce)
-        if bounce not in index and lacking:
-            missing[bounce] = _needs(lacking, index.mapping)
+        wanted[bounce] = [] if bounce in index else _lacking(index, bounce)
         for lobe in lobes:
-            color = f"{lobe}_color"
-            required = [f"{lobe}_{bounce}", *[color] * (color in index.mapping.passes)]
-            lacking = [n for n in required if n not in index]
-            if lacking:
-                missing[f"{lobe}_{bounce}"] = _needs(lacking, index.mapping)
-    return missing
+            color = [f"{lobe}_color"] * (f"{lobe}_color" in index.mapping.passes)
+            wanted[f"{lobe}_{bounce}"] = [f"{lobe}_{bounce}", *color]
+    missing = {column: [name for name in names if name not in index] for column, names in wanted.items()}
+    return {column: _needs(names, index.mapping) for column, names in missing.items() if names}
 
 
 def _lacking(index: ChannelIndex, bounce: str) -> list[str]:

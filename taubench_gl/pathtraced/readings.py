@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import make_dataclass, replace
 from typing import get_args, get_type_hints
 
 import numpy as np
@@ -63,23 +63,13 @@ TEXTS: dict[str, Mapping[str, str]] = {
 """Convention -> value that corrects the files -> what is wrong and what to set."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """One way to mean the files: per convention the value that corrects them, a key of TEXTS; "": as the mapping."""
+class Reading(make_dataclass("Reading", [(name, str, "") for name in TEXTS], frozen=True, slots=True)):
+    """One way to mean the files: per convention the value that corrects them, a key of TEXTS; "": as the mapping.
 
-    rows: str = ""
-    up: str = ""
-    positions: str = ""
-    meters: str = ""
-    matrix: str = ""
-    lens: str = ""
-    order: str = ""
-    depth: str = ""
-    direction: str = ""
-    y: str = ""
-    components: str = ""
-    unit: str = ""
-    zero: str = ""
+    Its fields are the conventions: ``rows``, ``up``, ... ``zero``.
+    """
+
+    __slots__ = ()
 
     @property
     def values(self) -> dict[str, str]:

@@ -13,7 +13,7 @@ import numpy as np
 from taubench_gl.conventions import FILE_NUMBER
 from taubench_gl.data_files import hashed
 from taubench_gl.errors import PathTracedError
-from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
+from taubench_gl.pathtraced.exr import ExrImage, merge, prefixed, read_exr, read_header
 from taubench_gl.pathtraced.passes import (
     EXPORT_ATTRIBUTE,
     EXPORT_PRESET,
@@ -79,12 +79,7 @@ class PathTracedSequence:
 
     @classmethod
     def open(
-        cls,
-        spec: str | Path,
-        *,
-        mapping: str | Path | None = None,
-        layer: str | None = None,
-        view: str | None = None,
+        cls, spec: str | Path, *, mapping: str | Path | None = None, layer: str | None = None, view: str | None = None
     ) -> PathTracedSequence:
         """Find the files and read the first frame's headers.  Raises PathTracedError.
 
@@ -98,7 +93,7 @@ class PathTracedSequence:
         exported = all(EXPORT_ATTRIBUTE in header.attributes for header in headers)
         passes = named or load_mapping(EXPORT_PRESET if exported else None)
         size = headers[0].size
-        names = [name for path, header in zip(first, headers) for name in _prefixed(first, path, header.names)]
+        names = [prefixed(_prefix(first, path), n) for path, header in zip(first, headers) for n in header.names]
         try:
             views = tuple(dict.fromkeys(name for header in headers for name in header.views))
             index = ChannelIndex(names, passes, layer, view, views)
@@ -125,9 +120,8 @@ class PathTracedSequence:
         start, stop = (end if end is None or end >= 0 else last + 1 + end for end in bounds)
         selected = [f for f in self.frames if (start is None or f >= start) and (stop is None or f < stop)]
         if not selected:
-            raise PathTracedError(
-                "no frame is in the given range", where=str(self.path), hint=f"choose within {first}:{last + 1}"
-            )
+            hint = f"choose within {first}:{last + 1}"
+            raise PathTracedError("no frame is in the given range", where=str(self.path), hint=hint)
         span = range(selected[0], selected[-1] + 1)
         missing = sorted(set(span) - set(selected))
         if missing:
@@ -201,10 +195,8 @@ class PathTracedSequence:
         for name in self.mapping.passes:
             lost = [c for c in (self.index.channels(name) if name in self.index else ()) if c not in present]
             if lost:
-                hint = "all frames need the same passes"
-                raise PathTracedError(
-                    f"lacks {', '.join(lost)}, which the first frame has", where=str(image.path), hint=hint
-                )
+                message, hint = f"lacks {', '.join(lost)}, which the first frame has", "all frames need the same passes"
+                raise PathTracedError(message, where=str(image.path), hint=hint)
 
 
 def _prefix(group: tuple[Path, ...], path: Path) -> str:
@@ -212,11 +204,6 @@ def _prefix(group: tuple[Path, ...], path: Path) -> str:
     if len(group) == 1:
         return ""
     return _NUMBERED.match(path.stem).group(1).rstrip("._- ")
-
-
-def _prefixed(group: tuple[Path, ...], path: Path, names: Collection[str]) -> list[str]:
-    prefix = _prefix(group, path)
-    return [f"{prefix}.{name}" if prefix else name for name in names]
 
 
 def _longest_run(frames: list[int]) -> tuple[int, int]:

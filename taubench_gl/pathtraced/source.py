@@ -184,6 +184,7 @@ FEW_EDGES, FEW_SHORT, COARSE_M = 20, 0.01, 1e-3
 """Edge pixels, share of normals, and rounding of positions (meters) below which nothing is said of them."""
 
 
+@np.errstate(divide="ignore", invalid="ignore")  # depth may be any value
 def mixed_pixels(depth: Array, sky: Array) -> tuple[int, int]:
     """Pixels on edges between surfaces whose position lies on neither surface, and all pixels on such edges.
 
@@ -191,15 +192,13 @@ def mixed_pixels(depth: Array, sky: Array) -> tuple[int, int]:
     sample in the pixel center lies on one of them, the mean of several between them.  ``depth`` (h, w): planar.
     """
     mixed = edges = 0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.where(sky | ~(depth > 0), np.nan, 1.0 / depth)
+    inverse = np.where(sky | ~(depth > 0), np.nan, 1.0 / depth)
     for values in (inverse, inverse.T):
         a, b, here, c, d = (values[:, i : values.shape[1] - 4 + i] for i in range(5))
-        with np.errstate(invalid="ignore"):
-            sides = np.stack([2.0 * b - a, 2.0 * c - d])
-            edge = np.abs(b - c) > EDGE * np.maximum(b, c)
-            edge &= (np.abs(sides - np.stack([b, c])) < 0.5 * MIXED * np.abs(sides)).all(axis=0)
-            off = (np.abs(sides - here) > MIXED * np.abs(sides)).all(axis=0)
+        sides = np.stack([2.0 * b - a, 2.0 * c - d])
+        edge = np.abs(b - c) > EDGE * np.maximum(b, c)
+        edge &= (np.abs(sides - np.stack([b, c])) < 0.5 * MIXED * np.abs(sides)).all(axis=0)
+        off = (np.abs(sides - here) > MIXED * np.abs(sides)).all(axis=0)
         edges += int(np.count_nonzero(edge & np.isfinite(here)))
         mixed += int(np.count_nonzero(edge & off))
     return mixed, edges
@@ -270,13 +269,13 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
     position[~frame.sky & ~(depth > 0)] = np.nan
     out = {"position": position.astype(np.float32)}
     normal = np.zeros_like(out["position"][..., :3]) if frame.normal is None else frame.normal
-    if frame.view_normals:
+    if frame.mapping.normals == "view":
         normal = (normal @ view.world_from_view.T).astype(np.float32)
     out["normal"] = np.where(frame.sky[..., None], np.float32(0), normal)
     out |= {**frame.radiance, **frame.lobes}  # the mask pass applies the exposure
     if frame.combined is not None:
         color = frame.combined.astype(np.float64)
-        if frame.color_encoded:
+        if frame.mapping.color == "encoded":
             color = np.clip(color, 0.0, 1.0)
         else:
             color = display_color(color, settings.lighting.exposure_factor, settings.lighting.tone_map)

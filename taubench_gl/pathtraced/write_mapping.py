@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs, to_builtins
+
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.check import Check
-from taubench_gl.pathtraced.passes import COMPONENTS, ChannelIndex
+from taubench_gl.pathtraced.passes import COMPONENTS, ChannelIndex, ChannelNames, MotionMap, PassMap
+from taubench_gl.pathtraced.readings import MOTION
 
 GUESSES = {
     "prev_position": r"(prev|last|old).*pos|pos.*(prev|last|old)", "motion": r"motion|veloc|vector|flow|^mv|mvec",
@@ -19,7 +23,6 @@ GUESSES = {
 }  # fmt: skip
 """Pass -> pattern of the name that its channels have before their last dot, the first that matches."""
 
-_FIELDS = ("up", "rows", "positions", "meters", "depth", "depth_offset", "background_depth", "normals", "color")
 _LETTERS = "XYZRGBUV"
 
 
@@ -43,7 +46,8 @@ def guess_passes(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
 
 def write_guess(path: Path, names: Iterable[str]) -> None:
     """Write a mapping of the passes that ``guess_passes`` finds, with the conventions of glTF.  Raises OutputError."""
-    _write(path, names, guess_passes(names), {"name": path.stem, "up": "y"}, {"y": "down"}, [])
+    passes = {name: ChannelNames(channels) for name, channels in guess_passes(names).items()}
+    _write(path, names, PassMap(passes, name=path.stem, up="y", motion=MotionMap(y="down")), [])
 
 
 def write_found(path: Path, index: ChannelIndex, check: Check) -> None:
@@ -52,42 +56,38 @@ def write_found(path: Path, index: ChannelIndex, check: Check) -> None:
     What no mapping can say (the camera, frame order) is left as a comment.
     """
     mapping = index.mapping
-    passes = {name: index.channels(name) for name in mapping.passes if name in index}
-    values = {name: getattr(mapping, name) for name in ("name", *_FIELDS)}
-    motion = {name: getattr(mapping.motion, name) for name in ("unit", "direction", "y", "zero")}
-    comments = []
+    passes = {name: ChannelNames(index.channels(name)) for name in mapping.passes if name in index}
+    values, motion, comments = {}, {}, []
     for verdict in check.wrong:
         name, value = verdict.convention, verdict.value
         if name == "components":
-            passes = passes | {"motion": passes["motion"][::-1]}
+            passes["motion"] = ChannelNames(passes["motion"].channels[::-1])
         elif name in ("up", "normals") or (name == "positions" and value != "view"):
             values[name] = value
         elif name == "rows":
             values["rows"] = "bottom" if mapping.rows == "top" else "top"
         elif name == "meters":
             values["meters"] = mapping.meters * check.reading.factor
-        elif name in motion and value not in ("half", "double"):
+        elif name in MOTION and value not in ("half", "double"):
             motion[name] = value
         elif name == "depth" and value.partition(",")[0] in ("planar", "distance"):
             values["depth"], _, offset = value.partition(", depth_offset = ")
             values["depth_offset"] = float(offset or 0.0)
         else:
             comments.append(f"{name}: {verdict.text}")
-    _write(path, index.names, passes, values, motion, comments)
+    motion = structs.replace(mapping.motion, **motion)
+    _write(path, index.names, structs.replace(mapping, passes=passes, motion=motion, **values), comments)
 
 
-def _write(
-    path: Path, names: Iterable[str], passes: dict[str, tuple[str, ...]], values: dict[str, Any],
-    motion: dict[str, Any], comments: list[str],
-) -> None:  # fmt: skip
-    lines = ["# Channels of the files:", *(f"#   {name}" for name in names), *(f"# {text}" for text in comments)]
-    lines += [f"{key} = {_toml(value)}" for key, value in values.items()]
-    lines += ["", "[motion]", *(f"{key} = {_toml(value)}" for key, value in motion.items()), "", "[passes]"]
-    lines += [f"{name} = {{ channels = {_toml(list(channels))} }}" for name, channels in passes.items()]
+def _write(path: Path, names: Iterable[str], mapping: PassMap, comments: list[str]) -> None:
+    lines, values = ["# Channels of the files:", *(f"#   {name}" for name in names)], to_builtins(mapping)
+    tables = {"\n[motion]": values.pop("motion"), "\n[passes]": values.pop("passes")}
+    for heading, table in {"\n".join(f"# {text}" for text in comments): values, **tables}.items():
+        lines += [heading, *(f"{key} = {_toml(value)}" for key, value in table.items() if value is not None)]
     write_atomically(path, "\n".join(lines) + "\n", parents=True)
 
 
 def _toml(value: Any) -> str:
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"' if isinstance(value, str) else repr(value)
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + " }"
+    return json.dumps(value, ensure_ascii=False)  # what JSON writes of texts, numbers and lists is TOML

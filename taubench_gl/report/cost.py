@@ -10,7 +10,8 @@ from taubench_gl.data_files import read_bytes
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.page import Page, data_uri, picture, text_lines
-from taubench_gl.report.plot import SERIES_COLORS, Plot
+from taubench_gl.report.palette import SERIES_COLORS
+from taubench_gl.report.plot import Plot
 from taubench_gl.report.table import Column, Row, Table, to_html, to_text, write_tables
 
 Study = Mapping[str, Any]

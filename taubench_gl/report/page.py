@@ -26,8 +26,10 @@ from typing import Any
 
 from markupsafe import Markup
 
-from taubench_gl.report.palette import hex_of
+from taubench_gl.report.palette import FEATURE_COLORS, hex_of
 
+_COLORS = ":root {" + "".join(f" --c-{name}: {hex_of(name)};" for name in FEATURE_COLORS) + " }"
+"""Colors of the columns of Table 4, for plots."""
 REPORT_FILE = "report.html"
 """Name of the page in the folder of a run or of a reuse evaluation."""
 
@@ -79,7 +81,7 @@ class Page:
         scripts = ("page.js", "plot.js", *self.scripts) if self.scripts else ()
         return _environment().get_template("page.html").render(
             page=self,
-            style=Markup("\n".join(map(asset, ("page.css", *self.styles)))),
+            style=Markup("\n".join((_COLORS, *map(asset, ("page.css", *self.styles))))),
             script=Markup("\n".join(map(asset, scripts))),
         )  # fmt: skip
 

@@ -45,6 +45,9 @@ EXACT_COLORS: Mapping[Visibility, RGB] = {
 }
 """Exact reason (``glossary.EXACT_REASONS``) -> color, that of the related reason of a mask where there is one."""
 
+SERIES_COLORS = ("#3311dd", "#bb0000", "#000000", "#9977ff")
+"""Blue, red, black and violet: series that are no reason, such as measurement and theory, in no reason's color."""
+
 REUSE_COLORS: Mapping[str, RGB] = {"surface": (0xEE, 0x33, 0x77), "shading": (0xAA, 0x33, 0x99)}
 """Pixels that a reuse rate does not count."""
 

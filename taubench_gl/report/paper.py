@@ -53,7 +53,7 @@ def _census(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) ->
         for row, scene in zip(_paper_rows("census", _CENSUS), paper_numbers()["scenes"], strict=True):
             rows.append(replace(row, reasons={2: bones}) if scene["census"]["armatures"] else row)
     columns = (*(Column(CENSUS[key].label, definition=CENSUS[key].tooltip) for key in _CENSUS), *SAMPLING_COLUMNS)
-    return Table(1, "Animation details", columns, tuple(rows), _notes(summaries, labels, paper))
+    return Table(1, "Animation details", columns, tuple(rows))
 
 
 def _paper_rows(block: str, keys: Sequence[str], fps: float | None = None, percent_of: str = "%") -> list[Row]:
@@ -72,8 +72,8 @@ def _position(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) 
     rows = _camera_rows(summaries, labels, [("position", key) for key in keys])
     rows += _paper_rows("position", keys) if paper else []
     columns = tuple(camera_column("position", key, key, "m") for key in keys)
-    notes = _notes(summaries, labels, paper, *[_PAPER_RATE] * paper)
-    return Table(2, "Change in the camera's position per frame", (*columns, *SAMPLING_COLUMNS), tuple(rows), notes)
+    title, notes = "Change in the camera's position per frame", (_PAPER_RATE,) * paper
+    return Table(2, title, (*columns, *SAMPLING_COLUMNS), tuple(rows), notes)
 
 
 def _rotation(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -> Table:
@@ -83,8 +83,7 @@ def _rotation(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) 
     rows += _paper_rows("rotation", [f"{axis}_{key}" for axis, key in statistics]) if paper else []
     short = {"mean": "mean", "variance": "var", "max": "max"}
     columns = tuple(camera_column(axis, key, f"{axis} {short[key]}", "deg") for axis, key in statistics)
-    notes = ("angle: the geodesic angle between the two orientations; not in the paper.",)
-    notes += _notes(summaries, labels, paper, *[_PAPER_RATE] * paper)
+    notes = ("angle: the geodesic angle between the two orientations; not in the paper.", *[_PAPER_RATE] * paper)
     return Table(3, "Change in the camera's rotation per frame", (*columns, *SAMPLING_COLUMNS), tuple(rows), notes)
 
 
@@ -305,15 +304,14 @@ def thresholds_of(summary: Summary) -> dict[str, float]:
     return dict((summary.get("settings") or {}).get("thresholds") or {})
 
 
-def _notes(summaries: Sequence[Summary], labels: Sequence[str], paper: bool, *further: str) -> tuple[str, ...]:
-    """Notes of every table: one of camera and light, and the source of the paper's rows."""
+def _notes(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -> tuple[str, ...]:
+    """Notes of all four tables, below the last: one of camera and light, and the source of the paper's rows."""
     notes = []
     for label, summary in zip(labels, summaries, strict=True):
         parts = [text for text in (_camera_text(summary), lighting_text(summary)) if text]
         notes += [f"{_prefix(label, labels)}{'; '.join(parts)}."] if parts else []
         stand_in = (summary.get("scene") or {}).get("stand_in")
         notes += [f"{_prefix(label, labels)}stand-in: {stand_in}."] if stand_in else []
-    notes += [note for note in further if note]
     if paper:
         notes.append(f"Paper: {paper_numbers()['citation']}.")
     return tuple(notes)
@@ -322,7 +320,8 @@ def _notes(summaries: Sequence[Summary], labels: Sequence[str], paper: bool, *fu
 def _camera_text(summary: Summary) -> str | None:
     """``camera 'walk' (node 'eye'), 0.113 m and 1.17° per frame``, means of Tables 2 and 3; None without a camera."""
     camera = summary.get("camera") or {}
-    source = str(camera.get("source") or "").removeprefix("camera ")
+    # What a framing orbit moves is the mean that follows.
+    source = str(camera.get("source") or "").removeprefix("camera ").partition(": moves")[0]
     meters, degrees = ((camera.get(name) or {}).get("mean") for name in ("position", "angle"))
     text = f"camera: {source}" if source else "camera"
     if meters is not None and degrees is not None:

@@ -14,10 +14,6 @@ from taubench_gl.report.palette import hex_of
 
 DASHES = {"frustum": "-"} | {feature.name: feature.dash for feature in TABLE}
 """Line style of each column of Table 4, also in the HTML report."""
-SERIES_COLORS = (
-    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#000000", "#999933", "#332288",
-)  # fmt: skip
-"""Colors of other series, such as methods: Okabe and Ito's palette, then Tol's."""
 _STYLE = {"axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25, "font.size": 10}
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.report.labels import lighting_text
+from taubench_gl.report.method_styles import COLORS
 from taubench_gl.report.page import Page, data_uri, picture, text_lines
-from taubench_gl.report.plot import SERIES_COLORS, Plot
+from taubench_gl.report.plot import Plot
 from taubench_gl.report.table import Column, Row, Table, to_html
 
 Summary = Mapping[str, Any]
@@ -132,11 +133,11 @@ def plot_reject(summary: Summary, folder: Path) -> list[Path]:
         for i, (name, test) in enumerate(summary["tests"].items()):
             curve, score = test["curves"][test["truth"]], test["scores"][test["truth"]]
             points = [(a, b) for a, b in zip(curve[x], curve[y], strict=True) if a is not None and b is not None]
-            repeat, color = divmod(i, len(SERIES_COLORS))
-            style = {"color": SERIES_COLORS[color], "linestyle": _LINES[repeat % len(_LINES)]}
+            repeat, color = divmod(i, len(COLORS))
+            style = {"color": COLORS[color], "linestyle": _LINES[repeat % len(_LINES)]}
             plot.axes.plot(*np.array(points).reshape(-1, 2).T, linewidth=1.6, label=name, **style)
             if None not in (score[x], score[y]):
-                plot.axes.plot([score[x]], [score[y]], "o", color=SERIES_COLORS[color], markersize=5)
+                plot.axes.plot([score[x]], [score[y]], "o", color=COLORS[color], markersize=5)
         plot.axes.set(xlabel=x.replace("_", " "), ylabel=y.replace("_", " "), ylim=(-0.02, 1.02))
         if x == "false_positive_rate":
             plot.axes.set_xscale("symlog", linthresh=1e-3)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.report.method_styles import method_styles
-from taubench_gl.report.plot import SERIES_COLORS, Plot, pareto_steps
+from taubench_gl.report.palette import SERIES_COLORS
+from taubench_gl.report.plot import Plot, pareto_steps
 from taubench_gl.report.reuse import LABELS, class_label, mean_over_seeds, valid_methods
 
 Summary = Mapping[str, Any]

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.conventions import Reason
 from taubench_gl.features import COLUMNS, FEATURES
-from taubench_gl.report.palette import hex_of
+from taubench_gl.report.palette import REASON_COLORS, SERIES_COLORS, hex_of
 from taubench_gl.report.paper import thresholds_of
 from taubench_gl.report.plot import Plot, column_style
 
@@ -98,13 +99,19 @@ def frames_plot(summary: Summary, frames: Sequence[Mapping[str, Any]]) -> Plot:
     right = lower.twinx()
     right.spines["right"].set_visible(True)
     right.grid(False)
-    moved = {"color": "#0072B2", "linestyle": "--", "label": "translation (right)"}
+    moved = {"color": SERIES_COLORS[0], "linestyle": "--", "label": "translation (right)"}
     right.plot(number, moves, **moved, **style)
     right.set_ylabel("translation, m", color=moved["color"])
     right.set_ylim(_limits(moves, 1.35))
     for axes in plot.panels:
         for i, cut in enumerate((summary.get("camera") or {}).get("cuts") or []):
-            axes.axvline(cut, color="#882255", linewidth=1, linestyle=(0, (2, 2)), label=None if i else "cut")
+            axes.axvline(
+                cut,
+                color=hex_of(REASON_COLORS[Reason.CUT]),
+                linewidth=1,
+                linestyle=(0, (2, 2)),
+                label=None if i else "cut",
+            )
     plot.legend(upper, x=1.09)
     plot.legend(lower, right, x=1.09)
     return plot

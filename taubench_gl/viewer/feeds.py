@@ -356,7 +356,8 @@ def scene_of(run: Run, request: OpenRequest) -> tuple[str, Settings]:
     path = (run.summary.get("scene") or {}).get("path")
     if path is None:
         raise OutputError("the run's scene was not read from a file", where=str(run.out), hint="open a scene instead")
-    stored = run.summary.get("settings") or {}
+    # Runs recorded before the selection open with that of the file.
+    stored = (run.summary["scene"].get("selection") or {}) | (run.summary.get("settings") or {})
     given = {*request.given, *(("width", "height") if "size" in request.given else ())}
     values = {n: stored[n] for n in FIELDS if n in stored and n not in given and n not in _OF_EVALUATION}
     if "thresholds" in values:

@@ -10,9 +10,11 @@ import pytest
 from taubench_gl.apps.cli import main
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.paths import ASSETS
+from taubench_gl.pathtraced.check import Check
 from taubench_gl.pathtraced.exr import read_exr, write_exr
-from taubench_gl.pathtraced.passes import load_mapping
-from taubench_gl.pathtraced.write_mapping import guess_passes
+from taubench_gl.pathtraced.passes import ChannelIndex, ChannelNames, MotionMap, PassMap, load_mapping
+from taubench_gl.pathtraced.readings import Reading
+from taubench_gl.pathtraced.write_mapping import guess_passes, write_found
 from taubench_gl.settings import Settings
 
 
@@ -126,6 +128,14 @@ def test_a_mapping_is_written(foreign, tmp_path, run):
         == 3
     )
     assert load_mapping(again).motion == motion and load_mapping(again).passes == mapping.passes
+
+
+def test_a_written_mapping_keeps_what_the_check_does_not_correct(tmp_path):
+    motion = MotionMap(zero="0.5", jitter="included", encoding="cube-root", no_data=0.0)
+    passes = {"motion": ChannelNames(("V.R", 'V."G"'))}
+    mapping = PassMap(passes, name="m", principal_point=(0, 1), sky="normal", primaries="ap1", motion=motion)
+    write_found(tmp_path / "m.toml", ChannelIndex(passes["motion"].channels, mapping), Check((), Reading()))
+    assert load_mapping(tmp_path / "m.toml") == mapping
 
 
 def test_passes_are_guessed_by_their_names():

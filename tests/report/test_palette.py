@@ -10,7 +10,7 @@ from vision_tools import SIGHTS, oklab
 
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.glossary import key_of
-from taubench_gl.report.palette import EXACT_COLORS, REASON_COLORS
+from taubench_gl.report.palette import EXACT_COLORS, REASON_COLORS, SERIES_COLORS
 
 MINIMUM = 0.05
 """Smallest OKLab distance of any two.  The nearest pairs are related: sky and history sky; direct and brightened."""
@@ -48,3 +48,10 @@ def test_any_two_colors_differ(sight):
 def test_any_two_exact_reasons_differ(sight):
     for a, b in itertools.combinations(EXACT_COLORS, 2):
         assert np.linalg.norm(oklab(EXACT_COLORS[a], sight) - oklab(EXACT_COLORS[b], sight)) >= 2 * MINIMUM, f"{a}, {b}"
+
+
+@pytest.mark.parametrize("sight", SIGHTS)
+def test_series_have_no_color_of_a_reason(sight):
+    series = [tuple(bytes.fromhex(color[1:])) for color in SERIES_COLORS]
+    for color, other in [*itertools.product(series, REASON_COLORS.values()), *itertools.combinations(series, 2)]:
+        assert np.linalg.norm(oklab(color, sight) - oklab(other, sight)) >= 0.09, (color, other)

@@ -210,9 +210,11 @@ def test_every_visualization_can_be_shown(drive, columns, least):
 
 def test_a_run_opens_at_its_worst_frame_with_its_settings(drive, tmp_path):
     settings = QUIET.replace(frames=(5, 12), thresholds={"normal": 0.31}, unit_scale=2.0)
+    settings = settings.replace(camera="orbit", animation=("carousel", "morph"))
     run = evaluate_scene(DEMO, settings, out=tmp_path / "run")
     worst = max(run.frames, key=lambda r: sum(r[n] or 0 for n in ("frustum", "position", "normal")))
     driven = drive(tmp_path / "run", Settings())
+    assert driven.engine.feed.scene.playing == ("carousel", "morph")
     driven.run(f"expect frame == {worst['frame']}\nexpect first == 5\nexpect last == 11\nexpect image.width == 96")
     assert driven.state.thresholds["position"] == pytest.approx(2 * 32 / 255)
     assert driven.engine.counts["normal"] == worst["normal"] and driven.engine.counts["position"] == worst["position"]

@@ -14,7 +14,7 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, scene, walls
-from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries, scaled_to
+from taubench_gl.demos.sheet import BLACK, BLUE, INK, RED, Sheet, enlarged, overlay, reason_entries, scaled_to
 from taubench_gl.demos.stage import Stage
 from taubench_gl.evaluation import open_session
 from taubench_gl.report.plot import pareto_steps
@@ -153,11 +153,11 @@ def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
     )  # fmt: skip
     timed_points = [(p, p.milliseconds, max(abs(p.percent - exact), 1e-4)) for p in points]
     line = pareto_steps((time, error) for _, time, error in timed_points)
-    axes.step(*zip(*line), where="post", color="#444", linewidth=1.4, label="Pareto front")
+    axes.step(*zip(*line), where="post", color=BLACK, linewidth=1.4, label="Pareto front")
     top = sheet.grid_bottom + 48
     timed_points.sort(key=lambda f: f[1])
     for i, (point, ms, error) in enumerate(timed_points, start=1):
-        color = ORANGE if (ms, error) in line else BLUE
+        color = RED if (ms, error) in line else BLUE
         axes.plot([ms], [error], "o", color=color, markeredgecolor="black", markersize=DOT_PT, zorder=4)
         text = f"{i}   {_name(point)}: {error:.3f} pp, {ms:.1f} ms"
         sheet.text(880, top + 31 * (i - 1), text, size=12, color=color)

@@ -8,7 +8,7 @@ from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, percent, swept, with_value
 from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances, scene
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, gray_image, heat, overlay, painted, reason_entries, rgb
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, gray_image, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import LitPair, Stage
 from taubench_gl.metrics.counts import bin_of, discarded_above, edges
 
@@ -145,11 +145,11 @@ def _plot_sums(sheet: Sheet, term: int) -> None:
     pairs = np.arange(1, PAIRS + 1)
     exact = term * pairs.astype(np.float64)
     error = np.abs(plain_sums(np.full(PAIRS, term)) / exact - 1.0)
-    axes.plot(pairs, np.maximum(error, 1e-10), color=ORANGE, linewidth=2, label="plain float32")
+    axes.plot(pairs, np.maximum(error, 1e-10), color=RED, linewidth=2, label="plain float32")
     at = np.unique(np.geomspace(1, PAIRS, 12).astype(int))
     errors = [abs(compensated_sum(np.full(n, term)) / (term * n) - 1.0) for n in at]
     axes.plot(at, np.maximum(errors, 1e-10), color=BLUE, linewidth=1.6, marker="o", label="compensated float32")
-    axes.axhline(1e-10, color=GREEN, linewidth=3, label="integers: exact")
+    axes.axhline(1e-10, color=BLACK, linewidth=3, label="integers: exact")
     axes.axhline(2.0**-24, color="#777777", linewidth=1, linestyle="--", label="2^-24")
     sheet.key(axes, "upper left", fontsize=11, ncols=2)
 
@@ -162,7 +162,7 @@ def _plot_curves(sheet: Sheet, moved: Array) -> None:
         xlabel="position threshold, meters", ylabel="discarded, %", title="Share above each threshold",
     )  # fmt: skip
     line = np.geomspace(0.02, 2.0, 600)
-    for bits, color, width in ((COARSE, ORANGE, 2.0), (1, BLUE, 1.6), (FINE, GREEN, 1.6)):
+    for bits, color, width in ((COARSE, RED, 2.0), (1, BLUE, 1.6), (FINE, BLACK, 1.6)):
         shares = [100.0 * curve_at(moved, threshold, bits) / moved.size for threshold in line]
         axes.plot(line, shares, color=color, linewidth=width, label=f"{1 << bits} bin{'s' * (bits > 0)} per octave")
     axes.axvline(THRESHOLD, color="#777777", linewidth=1, linestyle="--")

@@ -10,7 +10,7 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, rgb
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, rgb
 from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.color import display_color
@@ -31,10 +31,10 @@ def untested(alpha: float) -> str:
 
 
 METHODS = {
-    "history not tested": (untested(ALPHA), ORANGE, "o"),
-    "clamped to neighborhood colors": (f"taa_clamp@alpha={ALPHA}", PINK, "s"),
+    "history not tested": (untested(ALPHA), RED, "o"),
+    "clamped to neighborhood colors": (f"taa_clamp@alpha={ALPHA}", VIOLET, "s"),
     "position and normal tested": ("bmfr_temporal", BLUE, "^"),
-    "masks of the exact frames": ("ideal-masks", GREEN, "D"),
+    "masks of the exact frames": ("ideal-masks", BLACK, "D"),
 }
 ALPHAS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
 MARKER_PT = (6, 14, 9, 4)
@@ -143,7 +143,7 @@ def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
         title="Decay of the ghost", ylim=(-9, 104),
     )  # fmt: skip
     k = np.linspace(1, FRAMES, 200)
-    axes.plot(k, 100 * (1 - ALPHA) ** k, color="#444", linewidth=1.4, linestyle="--", label=f"theory: (1 - {ALPHA})^k")
+    axes.plot(k, 100 * (1 - ALPHA) ** k, color=BLACK, linewidth=1.4, linestyle="--", label=f"theory: (1 - {ALPHA})^k")
     for i, (name, trail) in enumerate(trails.items()):
         _, color, marker = METHODS[name]
         ages, size = sorted(trail.weights), MARKER_PT[i]

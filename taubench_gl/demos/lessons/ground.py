@@ -6,7 +6,7 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FRUSTUM, Reason, Visibility
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, percent, threshold_parameter
-from taubench_gl.demos.sheet import Sheet, gray_image, painted
+from taubench_gl.demos.sheet import Sheet, gray_image, painted, rgb
 from taubench_gl.demos.stage import CHALK, SAND, Props, Stage, focal_px
 from taubench_gl.demos.theory import ground_discards, ground_distance
 from taubench_gl.features import FEATURE_BIT
@@ -18,7 +18,7 @@ from taubench_gl.selftest.bench import limits
 
 YFOV = np.radians(50.0)
 EYE, STEP = 1.6, 1.3  # height of the camera, meters; meters it moves forward in a second
-DISCARDED = (214, 94, 0)
+DISCARDED, HIDDEN = rgb(Reason.POSITION), rgb(Reason.DISOCCLUDED)
 
 
 def scene() -> Scene:
@@ -47,10 +47,10 @@ def run(stage: Stage) -> Result:
     by_width = 100.0 * test["scores"]["visibility"]["false_positive_rate"]
     sheet = Sheet(2, 1, width / height)
     image = pair.now["color"][..., :3]
-    for place, (region, title) in enumerate(((position, "discarded by the distance of positions"), (hidden, "hidden"))):
-        text = f"{percent(region):.1f} % of the image"
-        sheet.panel(place, 0, painted(image, (region, DISCARDED)), title, text)
-    sheet.legend([("discarded on the left, hidden on the right", DISCARDED)])
+    panels = ((position, DISCARDED, "discarded by the distance of positions"), (hidden, HIDDEN, "hidden"))
+    for place, (region, color, title) in enumerate(panels):
+        sheet.panel(place, 0, painted(image, (region, color)), title, f"{percent(region):.1f} % of the image")
+    sheet.legend([("discarded by position", DISCARDED)])
     focal = focal_px(YFOV, height)
     expected = ground_discards(height, EYE, focal, STEP, DEFAULT_THRESHOLD)
     findings = (
@@ -79,5 +79,5 @@ def _threshold(stage: Stage, gray: np.ndarray) -> Parameter:
         distance, np.geomspace(0.03, 8.0, 40), expected, gray, DISCARDED,
         start=DEFAULT_THRESHOLD, name="position threshold", unit="m",
         source="distance to the ground at the nearest previous pixel; ± half of the pixels on the edges",
-        note="Orange: discarded, although nothing hid them.",
+        note="Blue: discarded, although nothing hid them.",
     )  # fmt: skip

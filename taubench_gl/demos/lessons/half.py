@@ -6,7 +6,7 @@ import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
-from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, heat, note
+from taubench_gl.demos.sheet import BLACK, BLUE, PAPER, RED, Sheet, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import IDENTITY, turn
 from taubench_gl.scene.model import Scene
@@ -15,7 +15,7 @@ from taubench_gl.selftest.bench import pixel_grid
 Array = np.ndarray
 YFOV = np.radians(60.0)
 ROLL = 50.0
-WRONG, RIGHT = (213, 94, 0), (52, 54, 58)
+WRONG, RIGHT = rgb(RED), (52, 54, 58)
 BLOCK = 8  # pixels along a side
 BITS = tuple(range(7, 15))
 
@@ -108,7 +108,7 @@ def run(stage: Stage) -> Result:
     caption = (
         "Motion vectors of a rolling camera in 16-bit floats: the largest errors, and all of them against the motion."
     )
-    colors = {"measured": (0, 114, 178), "half a spacing": WRONG}
+    colors = {"measured": rgb(BLUE), "half a spacing": rgb(BLACK)}
     parameter = _precision(pair.motion, reusable)
     screens = Screens(parameter.picture(parameter.start), parameter.note)
     return Result(findings, sheet, caption, parameter, colors, screens)
@@ -134,7 +134,7 @@ def _precision(motion: Array, reusable: Array) -> Parameter:
     return swept(
         "precision", "bits", BITS, at, start=11, meaning="of the reusable pixels read another pixel", number_unit="%",
         source="half of the spacing per axis, where it is at most half a pixel; ± 5 sigma",
-        note="Orange: another pixel; dark: the same pixel; light gray: no history. 16-bit floats have 11 bits.",
+        note="Red: another pixel; dark: the same pixel; light gray: no history. 16-bit floats have 11 bits.",
     )  # fmt: skip
 
 
@@ -150,7 +150,7 @@ def _staircase(sheet: Sheet, motion: Array, error: Array) -> None:
         motion[pick], error[pick], s=2, color=BLUE, alpha=0.35, linewidths=0, rasterized=True, label="measured"
     )
     line = np.linspace(1.0, motion.max(), 3000)
-    axes.plot(line, 0.5 * half_step(line), color=ORANGE, linewidth=2, label="theory: half a spacing")
+    axes.plot(line, 0.5 * half_step(line), color=BLACK, linewidth=2, label="theory: half a spacing")
     axes.set_xlim(0, 1.02 * motion.max())
     legend = axes.legend(fontsize=12, loc="upper left", facecolor=PAPER, edgecolor="none", framealpha=0.9)
     for handle in legend.legend_handles[:1]:

@@ -10,7 +10,7 @@ import numpy as np
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, enlarged, enlarged_frames, rgb
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, enlarged, enlarged_frames, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.color import display_color
@@ -28,10 +28,10 @@ REACH = 20  # pixels to either side of the edge in which its spread is measured
 
 Error = Callable[[Array, Array], Array]
 CASES: Mapping[str, tuple[Error, str]] = {
-    "jitter removed: correct": (lambda now, before: np.zeros(2), GREEN),
-    "jitter left in the motion": (lambda now, before: now - before, ORANGE),
+    "jitter removed: correct": (lambda now, before: np.zeros(2), BLACK),
+    "jitter left in the motion": (lambda now, before: now - before, RED),
     "removed with the wrong sign": (lambda now, before: 2.0 * (before - now), BLUE),
-    "only removed from one frame": (lambda now, before: now, PINK),
+    "only removed from one frame": (lambda now, before: now, VIOLET),
 }
 """Name -> error of the motion vectors (2,), pixels, +y up, from the offsets of both frames; color in the plot."""
 

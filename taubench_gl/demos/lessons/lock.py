@@ -8,7 +8,7 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, enlarged_frames, note
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, as_bytes, enlarged, enlarged_frames, note, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
@@ -119,7 +119,7 @@ def run(stage: Stage) -> Result:
         source="a line that every frame samples keeps its light; ± 5 %", note="Without locks, after 96 frames.",
     )  # fmt: skip
     caption = "A thin line in a result of fsr2-class with and without locks, and its light against its width."
-    colors = {"with": (0, 158, 115), "without": (213, 94, 0)}
+    colors = {"with": rgb(BLACK), "without": rgb(RED)}
     # What the upscaler gets: half of the pixels along each side, at the exposure of the figure.
     size = {"width": OUTPUT[0] // 2, "height": OUTPUT[1] // 2}
     pair = stage.pair(scene(), columns=("frustum", "color"), environment="none", exposure=2.0, **size)
@@ -144,7 +144,7 @@ def _plot(sheet: Sheet, light: Mapping[str, list[float]]) -> None:
         title="Light that is left, mean of a period of the jitter",
     )  # fmt: skip
     axes.axhline(100.0, color=BLUE, linewidth=1.6, label="mean of the samples")
-    for (name, values), color in zip(light.items(), (GREEN, ORANGE)):
+    for (name, values), color in zip(light.items(), (BLACK, RED)):
         axes.plot(WIDTHS, values, "o-", color=color, linewidth=2, markersize=8, label=name)
     axes.minorticks_off()
     axes.set_xticks(WIDTHS, [f"{width:g}" for width in WIDTHS])

@@ -10,7 +10,7 @@ import numpy as np
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, threshold_parameter
-from taubench_gl.demos.sheet import BLUE, Sheet, as_bytes, overlay, reason_entries, rgb
+from taubench_gl.demos.sheet import BLACK, Sheet, as_bytes, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.shading import Shading
@@ -140,7 +140,7 @@ def _plot(sheet: Sheet, shares: dict[int, float], per_lamp: Array) -> None:
     )  # fmt: skip
     line = np.unique(np.round(np.logspace(np.log10(4), 3, 16)).astype(int))
     sheet.theory(axes, line, [expected_many_samples(per_lamp, int(n)) for n in line], "theory: central limit theorem")
-    axes.plot([1], [expected_one_sample(per_lamp)], "D", color=BLUE, markersize=11, label="theory: all pairs of lamps")
+    axes.plot([1], [expected_one_sample(per_lamp)], "D", color=BLACK, markersize=11, label="theory: all pairs of lamps")
     sheet.dots(axes, list(shares), list(shares.values()), zorder=5)
     axes.set_xticks([1, 4, 16, 64, 256, 1000], ["1", "4", "16", "64", "256", "1000"])
     sheet.key(axes, "upper right")

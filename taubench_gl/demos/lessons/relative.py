@@ -8,7 +8,7 @@ import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Result, Screens, swept
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, enlarged, frame_of, heat, note, rgb
+from taubench_gl.demos.sheet import BLUE, RED, Sheet, enlarged, frame_of, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import turn_y
 from taubench_gl.scene.model import Scene
@@ -112,7 +112,7 @@ def run(stage: Stage) -> Result:
     most = np.sqrt(0.75) * step  # half a spacing along each axis
     text = f"Error of the stored positions, from 0 (dark) to {1000.0 * most:.0f} mm (bright)."
     screens = Screens(heat(np.linalg.norm(shift, axis=-1), most), text)
-    return Result(findings, sheet, caption, parameter, {"stored": rgb(ORANGE), "exact": rgb(BLUE)}, screens)
+    return Result(findings, sheet, caption, parameter, {"stored": rgb(RED), "exact": rgb(BLUE)}, screens)
 
 
 def previous_px(pair: PairImages, position: Array) -> Array:
@@ -155,7 +155,7 @@ def _figure(stage: Stage, image: Array, pair: PairImages, shift: Array, paramete
         ylabel="x from the camera, meters", title="A row of pixels: steps instead of a ramp",
     )  # fmt: skip
     axes.plot(columns, exact, color=BLUE, linewidth=1.6, label="exact")
-    axes.step(columns, exact + shift[row, columns, 0], where="mid", color=ORANGE, linewidth=2, label="stored, float32")
+    axes.step(columns, exact + shift[row, columns, 0], where="mid", color=RED, linewidth=2, label="stored, float32")
     sheet.key(axes, "upper left")
     axes.margins(y=0.25)
     axes = sheet.plot(

@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, rgb, scaled_to
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, rgb, scaled_to
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.targets import read_channel
@@ -136,10 +136,10 @@ def run(stage: Stage) -> Result:
     for place, (limit, one) in enumerate(memories.items()):
         sheet.panel(place, 0, lamps_held(one.held), f"limit {limit}", f"{100 * one.shares[-1]:.1f} %")
     _plot(sheet, memories)
-    sheet.legend([("holds the first lamp", rgb(BLUE)), ("holds the new lamp", rgb(ORANGE))])
+    sheet.legend([("holds the first lamp", rgb(BLACK)), ("holds the new lamp", rgb(RED))])
     caption = f"A wall {AGE} frames after a second lamp was switched on: which lamp the reservoirs hold, by the limit."
     frames = tuple(enlarged(display_color(image.astype(np.float64), 1.0, "linear")) for image in images)
-    screens = Screens(lamps_held(memory.held), "Orange: pixels that hold the new lamp.", frames)
+    screens = Screens(lamps_held(memory.held), "Red: pixels that hold the new lamp.", frames)
     return Result(findings, sheet, caption, _limit(memories), screens=screens)
 
 
@@ -150,7 +150,7 @@ def enlarged(image: Array) -> Array:
 
 def lamps_held(held: Array) -> Array:
     """Pixels that hold the first lamp and the second one, enlarged, (4 h, 4 w, 3) uint8."""
-    return enlarged(np.where((held == 1)[..., None], np.uint8(rgb(ORANGE)), np.uint8(rgb(BLUE))))
+    return enlarged(np.where((held == 1)[..., None], np.uint8(rgb(RED)), np.uint8(rgb(BLACK))))
 
 
 def _limit(memories: Mapping[int, Memory]) -> Parameter:
@@ -163,7 +163,7 @@ def _limit(memories: Mapping[int, Memory]) -> Parameter:
     return swept(
         "limit, times the samples of a frame", "", LIMITS, at, start=LIMIT, meaning="of the pixels hold the new lamp",
         number_unit="%", source=f"moving average over {AGE} frames; ± {SIGMAS:g} sigma",
-        note="Orange: pixels that hold the new lamp.",
+        note="Red: pixels that hold the new lamp.",
     )  # fmt: skip
 
 
@@ -176,7 +176,7 @@ def _plot(sheet: Sheet, memories: Mapping[int, Memory]) -> None:
     frames = np.arange(1, AGE + 1)
     for i, (limit, memory) in enumerate(memories.items()):
         shares = [100 * remembered(limit, int(n))[0] for n in frames]
-        axes.plot(frames, shares, color="#444", linewidth=1.4, linestyle="--", label="theory" if i == 0 else None)
-        axes.plot(frames, 100 * np.array(memory.shares), "osD^v"[i], markersize=8, label=f"limit {limit}")
+        axes.plot(frames, shares, color=BLACK, linewidth=1.4, linestyle="--", label="theory" if i == 0 else None)
+        axes.plot(frames, 100 * np.array(memory.shares), "osD^v"[i], color=BLUE, markersize=8, label=f"limit {limit}")
     axes.set_xticks(frames)
     sheet.key(axes, "upper left", ncols=3)

@@ -8,7 +8,7 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, swept
-from taubench_gl.demos.sheet import GREEN, Sheet, as_bytes, overlay, reason_entries, scaled_to
+from taubench_gl.demos.sheet import RED, Sheet, as_bytes, overlay, reason_entries, scaled_to
 from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.demos.theory import normal_change
 from taubench_gl.metrics.color import display_color
@@ -109,7 +109,7 @@ def _plots(
                       title="Noise of direct light", **common)  # fmt: skip
     sheet.theory(left, line, noises[1] / np.sqrt(line), "theory: N^(-1/2)")
     sheet.dots(left, list(noises), list(noises.values()), "N frames")
-    left.plot(list(stratified), list(stratified.values()), "s", color=GREEN, markeredgecolor="black", markersize=7,
+    left.plot(list(stratified), list(stratified.values()), "s", color=RED, markeredgecolor="black", markersize=7,
               label="one frame, N samples")  # fmt: skip
     top = 1.2 * max(rejected.values())
     right = sheet.plot(730, sheet.grid_bottom + 40, 510, 250, ylabel="discarded, %", ylim=(0, top),

@@ -10,7 +10,7 @@ from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, enlarged, enlarged_frames, painted, reason_entries, rgb
+from taubench_gl.demos.sheet import BLUE, RED, Sheet, enlarged, enlarged_frames, painted, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage, focal_px
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.builder import turn, turn_y
@@ -110,7 +110,7 @@ def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
     size = pairs["nearest"].mask.shape[::-1]
     axes.plot(columns, 100.0 * sample_distance(size)[row, columns], color="#777777", linewidth=5, alpha=0.5,
               label="theory, nearest: two rays")  # fmt: skip
-    for sampling, color in (("nearest", ORANGE), ("bilinear", BLUE)):
+    for sampling, color in (("nearest", RED), ("bilinear", BLUE)):
         axes.plot(columns, 100.0 * distance(pairs[sampling], sampling)[row, columns], color=color, linewidth=2,
                   label=sampling)  # fmt: skip
     sheet.key(axes, "upper right")

@@ -7,8 +7,9 @@ import numpy as np
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Finding, Opening, Result, threshold_parameter
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, gray_image, note, overlay, reason_entries, rgb
+from taubench_gl.demos.sheet import BLACK, Sheet, gray_image, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, LEAF, SAND, Props, Stage
+from taubench_gl.report.palette import hex_of
 from taubench_gl.report.run_plots import discard_curve
 from taubench_gl.scene.model import Scene
 
@@ -129,14 +130,14 @@ def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, mask
         xlabel="position threshold, meters", ylabel="discarded, %",
         title="Discard rate at each threshold",
     )  # fmt: skip
-    axes.plot(edges, percent, color=BLUE, linewidth=2.6, label="recorded by the run")
+    axes.plot(edges, percent, color=hex_of("position"), linewidth=2.6, label="recorded by the run")
     line = np.logspace(-2.4, 0.5, 1200)
     ordered = np.sort(expected.ravel())
     share = 100.0 * (1.0 - np.searchsorted(ordered, line, side="right") / ordered.size)
-    axes.plot(line, share, color=ORANGE, linewidth=1.4, linestyle="--", label="theory: ray-square intersection")
+    axes.plot(line, share, color=BLACK, linewidth=1.4, linestyle="--", label="theory: ray-square intersection")
     for threshold, pair in masks.items():
         value = pair.percent(Reason.POSITION)
-        axes.plot([threshold], [value], "o", color=ORANGE, markeredgecolor="black", markersize=9, zorder=5)
+        axes.plot([threshold], [value], "o", color=hex_of("position"), markeredgecolor="black", markersize=9, zorder=5)
         name = "32/255" if threshold == DEFAULT_THRESHOLD else f"{threshold:g}"
         axes.annotate(f"{name} m: {value:.1f} %", (threshold, value), (8, 9), textcoords="offset points", fontsize=12)
     sheet.key(axes, "upper right")

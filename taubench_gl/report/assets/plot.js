@@ -221,7 +221,7 @@ function dashBorder(style) {
   return { "-": "solid", "--": "dashed", "-.": "dashed", ":": "dotted" }[style];
 }
 
-// The color of a column of Table 4 in the current theme (page.css).
+// The color of a column of Table 4 (page.py).
 function ink(name) {
   return `var(--c-${name})`;
 }
