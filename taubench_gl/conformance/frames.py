@@ -77,7 +77,6 @@ class EngineFrames:
         if self.kind == EXR:
             sequence = PathTracedSequence.open(folder, mapping=self._mapping, layer=self._layer)
             frames = [sequence.read(number, geometry=False) for number in sequence.frames]
-            mapping = sequence.mapping
         else:
             mapping = self._named or load_mapping(EXPORT_PRESET)
             files = find_frames(folder / "*.npz").values()
@@ -86,7 +85,7 @@ class EngineFrames:
             message = f"has {len(frames)} frames of {len({frame.size for frame in frames})} sizes"
             raise PathTracedError(message, where=str(folder), hint=f"a case has {FRAMES} frames of one size")
         truth = Truth(case, frames[0].size)
-        return truth, [_convert(frame, mapping, truth, k) for k, frame in enumerate(frames)]
+        return truth, [_convert(frame, truth, k) for k, frame in enumerate(frames)]
 
 
 def half_step(values: Array) -> Array:
@@ -117,8 +116,8 @@ def _read_npz(path: Path, mapping: PassMap) -> PathTracedFrame:
     return read_frame(image, ChannelIndex(image.names, mapping), geometry=False)
 
 
-def _convert(frame: PathTracedFrame, mapping: PassMap, truth: Truth, number: int) -> EngineFrame:
-    view = truth.view(number)
+def _convert(frame: PathTracedFrame, truth: Truth, number: int) -> EngineFrame:
+    view, mapping = truth.view(number), frame.mapping
     points = None
     if frame.position is not None or frame.depth is not None:
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
@@ -133,8 +132,9 @@ def _convert(frame: PathTracedFrame, mapping: PassMap, truth: Truth, number: int
         step = half_step(motion / unit) * unit if mapping.motion.encoding == "linear" else 0.0
         if mapping.motion.jitter == "included":
             motion = motion - truth.jitter_motion(number)
-    stored = frame.position if frame.position is not None else frame.depth
-    metric = 0.0
+    # half positions beside finer depth are not what points are made of
+    placed = frame.position is not None and not (frame.half_position and frame.finer_depth)
+    stored, metric = frame.position if placed else frame.depth, 0.0
     if stored is not None:
         stored = np.abs(np.nan_to_num(stored.astype(np.float64), posinf=0.0, neginf=0.0)) / mapping.meters
         metric = 2 * half_step(stored) + np.spacing(stored.astype(np.float32))
@@ -143,5 +143,5 @@ def _convert(frame: PathTracedFrame, mapping: PassMap, truth: Truth, number: int
     return EngineFrame(
         sky, motion, points, frame.normal, None if kept is None else kept <= 0.0, step, metric,
         exact_zero=mapping.motion.zero == "0" and mapping.motion.jitter == "excluded",
-        world=frame.position is not None and not frame.relative,
+        world=placed and not frame.relative,
     )  # fmt: skip

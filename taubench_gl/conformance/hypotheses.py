@@ -13,14 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taubench_gl.animation import FrameState, View, pose_vertices
-from taubench_gl.conformance.poses import (
-    base_shape,
-    bind_pose,
-    skeleton_bind_pose,
-    transposed_skin,
-    unmirrored,
-    unplaced,
-)
+from taubench_gl.conformance import poses
 from taubench_gl.conformance.stage import FRAMES
 from taubench_gl.conformance.truth import Frame, Hits, Pose, Truth
 from taubench_gl.math3d import normalize
@@ -167,8 +160,7 @@ def _sky_raster_undivided(pair: Pair) -> Array:
     """Unit directions of the sky by matrices to raster coordinates, without a division, as in Cycles 5.2."""
     size, ends = pair.truth.size, []
     for view in (pair.frame.previous, pair.frame.view):
-        clip_from_ray = view.centered().clip_from_relative(*size)[[0, 1, 3], :3]
-        clip = normalize(pair.truth.directions(pair.frame.view)) @ clip_from_ray.T
+        clip = pair.truth.clip(view.centered(), normalize(pair.truth.directions(pair.frame.view)), 0.0)
         ends.append((clip[:, :2] + clip[:, 2:]) * [0.5 * size[0], -0.5 * size[1]])  # rows count from the bottom
     return pair.of_sky(ends[0] - ends[1])
 
@@ -209,16 +201,17 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
                lambda pair: pair.vectors(previous=pair.frame.view)),
     Hypothesis("one projection", "the previous place is made with the current projection matrix", _one_projection),
     *_conventions(),
-    _posed("previous bind pose", "the previous pose is the bind pose", skeleton_bind_pose),
-    _posed("previous without skin", "the previous position is not skinned", bind_pose),
-    _posed("without skin", "vectors are those of the bind pose: neither position is skinned", bind_pose, bind_pose),
-    _posed("previous base shape", "the previous shape is the base shape", base_shape),
-    _posed("without morph", "vectors are those of the base shape in both frames", base_shape, base_shape),
+    _posed("previous bind pose", "the previous pose is the bind pose", poses.skeleton_bind_pose),
+    _posed("previous without skin", "the previous position is not skinned", poses.bind_pose),
+    _posed("without skin", "vectors are those of the bind pose: neither position is skinned",
+           poses.bind_pose, poses.bind_pose),
+    _posed("previous base shape", "the previous shape is the base shape", poses.base_shape),
+    _posed("without morph", "vectors are those of the base shape in both frames", poses.base_shape, poses.base_shape),
     Hypothesis("current shape", "the previous shape is the current shape: weights of the frame before are not kept",
                _current_shape),
-    _posed("identity", "the previous world matrix is the identity", unplaced),
-    _posed("transposed skin", "rotations of the previous joint matrices are transposed", transposed_skin),
-    _posed("mirror lost", "the negative scale is missing in the previous matrix", unmirrored),
+    _posed("identity", "the previous world matrix is the identity", poses.unplaced),
+    _posed("transposed skin", "rotations of the previous joint matrices are transposed", poses.transposed_skin),
+    _posed("mirror lost", "the negative scale is missing in the previous matrix", poses.unmirrored),
     Hypothesis("late", "vectors are one frame late: the image of the frame before", _late),
     Hypothesis("two frames", "vectors lead two frames back", lambda pair: pair.since(max(pair.number - 2, 0))),
     Hypothesis("next", "vectors lead to the next frame, not to the previous one",

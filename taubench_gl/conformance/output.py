@@ -16,17 +16,7 @@ from markupsafe import Markup
 
 from taubench_gl import __version__
 from taubench_gl.conformance.cases import CASES
-from taubench_gl.conformance.score import (
-    NO_PLACE,
-    NOT_JUDGED,
-    RIGHT,
-    WRONG,
-    CaseScore,
-    ClassScore,
-    WorstPixel,
-    precision_recall,
-    text_of,
-)
+from taubench_gl.conformance.score import NO_PLACE, NOT_JUDGED, RIGHT, WRONG, CaseScore, ClassScore, WorstPixel
 from taubench_gl.conformance.truth import Frame, Truth
 from taubench_gl.conventions import DEFINITIONS
 from taubench_gl.outputs import output_folder, write_atomically
@@ -67,13 +57,12 @@ def _case_summary(score: CaseScore) -> dict[str, Any]:
         {
             "name": each.name, "pixels": each.pixels, "wrong_percent": 100 * each.wrong / each.pixels,
             "median_px": _number(each.median_px), "p95_px": _number(each.p95_px), "max_px": _number(each.max_px),
-            "missing": each.missing, "cause": text_of(each.cause) if each.failed else None,
+            "missing": each.missing, "cause": each.text if each.failed else None,
         }
         for each in score.classes
     ]  # fmt: skip
     if score.rejection is not None:
-        precision, recall = precision_recall(score.rejection)
-        out["rejection"] = {"precision": precision, "recall": recall}
+        out["rejection"] = dict(zip(("precision", "recall"), score.precision_recall, strict=True))
     if score.worst is not None:
         w = score.worst
         vectors = {"vector_px": [_number(x) for x in w.vector], "right_px": [_number(x) for x in w.right]}
@@ -99,7 +88,7 @@ def score_tables(scores: Sequence[CaseScore], summary: Mapping[str, Any]) -> lis
         wrong = 100 * sum(each.wrong for each in score.classes) / pixels if pixels else None
         errors = [[getattr(each, name) for each in score.classes] for name in ("p95_px", "max_px")]
         largest = [max(filter(math.isfinite, values), default=None) for values in errors]
-        shares = [None if x is None else 100 * x for x in precision_recall(score.rejection or Counter())]
+        shares = [None if x is None else 100 * x for x in score.precision_recall]
         reasons = {0: score.why} if score.why else {}
         rows.append(Row(score.name, (score.status, wrong, *largest, *shares), reasons=reasons))
     counts = f"{summary['right']} cases right, {summary['wrong']} wrong, {summary['not_judged']} not judged"
@@ -156,16 +145,16 @@ def _shown(score: CaseScore, size: tuple[int, int]) -> list[Markup]:
             "the surface point was. Shaded by the scorer from the scene file.")  # fmt: skip
     now, before = truth.frame(w.frame), truth.frame(max(w.frame - 1, 0))
     images = [_svg(now, w, size, False), _svg(before, w, size, True)]
-    table = tag("ul", *(tag("li", _class_line(each)) for each in score.classes if each.failed))
+    listed = tag("ul", *(tag("li", _class_line(each)) for each in score.classes if each.failed))
     return [text_lines([CASES[score.name].text]), text_lines([f"{score.why}.", said]), tag("div", *images),
-            text_lines([note]), table]  # fmt: skip
+            text_lines([note]), listed]  # fmt: skip
 
 
 def _class_line(each: ClassScore) -> str:
     errors = f"errors: median {each.median_px:.3g}, 95 % within {each.p95_px:.3g}, largest {each.max_px:.3g} px"
     share = 100 * each.wrong / each.pixels
     what = "they lead into the image" if each.name == NO_PLACE else errors
-    return f"{each.name}: {share:.1f} % of {each.pixels} vectors wrong; {what}; {text_of(each.cause)}"
+    return f"{each.name}: {share:.1f} % of {each.pixels} vectors wrong; {what}; {each.text}"
 
 
 def _svg(frame: Frame, worst: WorstPixel, size: tuple[int, int], arrows: bool) -> Markup:

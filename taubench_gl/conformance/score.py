@@ -62,6 +62,11 @@ class ClassScore:
         """Whether more than WRONG_SHARE of the pixels are wrong."""
         return self.wrong > WRONG_SHARE * self.pixels
 
+    @property
+    def text(self) -> str:
+        """The cause in words."""
+        return next((h.text for h in HYPOTHESES if h.key == self.cause), self.cause)
+
 
 @dataclass(frozen=True, slots=True)
 class CaseScore:
@@ -79,23 +84,25 @@ class CaseScore:
         return max((each.worst for each in self.classes if each.wrong), key=lambda w: w.error_px, default=None)
 
     @property
+    def precision_recall(self) -> tuple[float | None, float | None]:
+        """Share of the rejected pixels that had no history, and of those without history that were rejected."""
+        counts = self.rejection or Counter()
+        hit, false, missed = (counts[key] for key in ((True, True), (True, False), (False, True)))
+        return (hit / (hit + false) if hit + false else None, hit / (hit + missed) if hit + missed else None)
+
+    @property
     def causes(self) -> dict[str, list[str]]:
         """Texts of the causes -> names of the classes that failed by them."""
         out: dict[str, list[str]] = {}
         for each in self.classes:
             if each.failed:
-                out.setdefault(text_of(each.cause), []).append(each.name)
+                out.setdefault(each.text, []).append(each.name)
         return out
 
     @property
     def why(self) -> str:
         """Why the case is not right, "" where it is."""
         return self.reason or "; ".join(f"{', '.join(names)}: {cause}" for cause, names in self.causes.items())
-
-
-def text_of(cause: str) -> str:
-    """A cause in words."""
-    return next((h.text for h in HYPOTHESES if h.key == cause), cause)
 
 
 def score_case(truth: Truth, engine: Sequence[EngineFrame]) -> CaseScore:
@@ -219,12 +226,6 @@ def _rejection(truth: Truth, engine: Sequence[EngineFrame]) -> Counter | None:
         where = ~frame.edge & (frame.kind >= 0)
         counts.update(zip(shown.rejected[where].tolist(), (~frame.valid[where]).tolist(), strict=True))
     return counts
-
-
-def precision_recall(counts: Counter) -> tuple[float | None, float | None]:
-    """Share of the rejected pixels that had no history, and of those without history that were rejected."""
-    hit, false, missed = (counts[key] for key in ((True, True), (True, False), (False, True)))
-    return (hit / (hit + false) if hit + false else None, hit / (hit + missed) if hit + missed else None)
 
 
 def score_cases(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,8 @@ from taubench_gl.conformance.cases import Case
 from taubench_gl.conformance.stage import CAMERA, FPS, FRAMES
 from taubench_gl.conformance.truth import Truth
 from taubench_gl.outputs import output_folder, write_atomically
-from taubench_gl.paths import PACKAGE
 from taubench_gl.pathtraced.cameras import camera_entry
 
-_TEMPLATE = PACKAGE / "conformance" / "suite.md"
 SCHEMA = "taubench-gl/conformance-suite/1"
 SUITE_FILE, README, SCENES = "suite.json", "README.md", "scenes"
 
@@ -43,7 +42,8 @@ def write_suite(cases: Sequence[Case], out: str | Path, size: tuple[int, int]) -
     entries = [case_entry(case, size) for case in cases]
     write_atomically(out / SUITE_FILE, json.dumps(head | {"cases": entries}, indent=1) + "\n")
     listed = "\n\n".join(case_text(case) for case in cases)
-    write_atomically(out / README, _TEMPLATE.read_text(encoding="utf-8").format(
+    template = resources.files(__package__).joinpath("suite.md").read_text(encoding="utf-8")
+    write_atomically(out / README, template.format(
         count=len(cases), frames=FRAMES, width=width, height=height, camera=CAMERA, cases=listed))  # fmt: skip
     return out
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from taubench_gl.animation.pose import present_nodes
 from taubench_gl.conformance.cases import Case, scene_of
 from taubench_gl.conformance.stage import FPS, FRAMES
 from taubench_gl.conventions import GUARD_PX, Visibility
+from taubench_gl.pathtraced.cameras import points_at
 from taubench_gl.scene.model import Primitive, Scene
 
 Array = np.ndarray
@@ -150,13 +151,11 @@ class Truth:
         ``pose``: how vertices are posed; ``masked``: alpha masks make holes; ``hidden``: hidden nodes are drawn;
         ``without``: a node that is not drawn.
         """
-        width, height = self.size
-        relative, rows = self.vertices(frame, pose) - view.position, view.clip_from_relative(width, height)[[0, 1, 3]]
-        clip = relative @ rows[:, :3].T + rows[:, 3]
+        relative = self.vertices(frame, pose) - view.position
         along = relative @ -view.world_from_view[:, 2]
         present = (hidden or present_nodes(self.scene, self.state(frame))[self.node_of]) & (self.node_of != without)
-        rays = self._ndc(pixels)
-        c = clip[self.triangles]
+        rays = ((2 * pixels + 1) / np.array(self.size) - 1) * [1.0, -1.0]
+        c = self.clip(view, relative)[self.triangles]
         facing = np.linalg.det(c)
         seen = np.flatnonzero(present & (facing != 0) & (facing * self._sides >= 0))
         c = c[seen]
@@ -185,9 +184,9 @@ class Truth:
     def _sides(self) -> Array:
         """Sign of the determinant of triangles that are seen, (T,): 0 where both sides are."""
         mirrored = np.linalg.det(self.state(0).world[:, :3, :3]) < 0
+        sides = np.where(mirrored, -1, 1)[self.node_of]
         both = [self.scene.materials[p.primitive.material].double_sided for p in self._parts]
-        sides = [0 if double else -1 if mirrored[p.node] else 1 for p, double in zip(self._parts, both, strict=True)]
-        return np.repeat(sides, [len(p.triangles) for p in self._parts])
+        return np.where(np.repeat(both, [len(p.triangles) for p in self._parts]), 0, sides)
 
     @cached_property
     def _masks(self) -> dict[int, Callable[[Array], Array]]:
@@ -199,7 +198,7 @@ class Truth:
                 alpha = self.scene.images[material.base_color_texture.image].decode()[..., 3] / 255.0
                 uv = part.primitive.texcoords[0].astype(np.float64)
                 for k, corners in enumerate(part.triangles - part.first):
-                    masks[first + k] = _mask(alpha, uv[corners], material.alpha_cutoff)
+                    masks[first + k] = partial(_is_there, alpha, uv[corners], material.alpha_cutoff)
             first += len(part.triangles)
         return masks
 
@@ -213,28 +212,24 @@ class Truth:
         before[(prev_point - then.position) @ -then.world_from_view[:, 2] < then.camera.znear] = np.nan
         return before - at
 
+    def clip(self, view: View, points: Array, w: float = 1.0) -> Array:
+        """Clip coordinates x, y and w (N, 3) of points relative to the camera; ``w`` 0: of directions."""
+        clip_from_relative = view.clip_from_relative(*self.size)[[0, 1, 3]]
+        return points @ clip_from_relative[:, :3].T + w * clip_from_relative[:, 3]
+
     def project(self, view: View, relative: Array, w: float = 1.0, *, divide: bool = True) -> Array:
         """Column and row (N, 2) of points relative to the camera of ``view``, also behind it.
 
         ``w`` 0: of directions; ``divide`` False: of the clip coordinates as they are.
         """
-        width, height = self.size
-        rows = view.clip_from_relative(width, height)[[0, 1, 3]]
-        clip = relative @ rows[:, :3].T + w * rows[:, 3]
+        clip = self.clip(view, relative, w)
         with np.errstate(divide="ignore", invalid="ignore"):
             ndc = clip[:, :2] / (clip[:, 2:] if divide else 1.0)
         return (ndc * [1.0, -1.0] + 1) * 0.5 * np.array(self.size) - 0.5
 
-    def _ndc(self, pixels: Array) -> Array:
-        """Normalized device coordinates (N, 2) of pixels (N, 2: column, row)."""
-        return ((2 * pixels + 1) / np.array(self.size) - 1) * [1.0, -1.0]
-
     def directions(self, view: View) -> Array:
         """View directions (h * w, 3) of the pixels of a perspective ``view``, planar depth 1, world axes."""
-        width, height = self.size
-        clip = view.clip_from_view(width, height)
-        along = (self._ndc(self.pixels) + [clip[0, 2], clip[1, 2]]) / [clip[0, 0], clip[1, 1]]
-        return np.column_stack([along, -np.ones(len(along))]) @ view.world_from_view.T
+        return points_at(view, self.pixels, np.ones(len(self.pixels)), "planar", self.size)
 
     def jitter_motion(self, number: int) -> Array:
         """What vectors that contain the offsets have more than those without, (2,) pixels, +x right, +y down."""
@@ -315,15 +310,10 @@ def _parts(scene: Scene) -> list[_Part]:
     return parts
 
 
-def _mask(alpha: Array, uv: Array, cutoff: float) -> Callable[[Array], Array]:
-    """Whether a masked triangle with texture coordinates ``uv`` (3, 2) is there, sampled at the nearest texel."""
-
-    def there(weights: Array) -> Array:
-        at = weights @ uv
-        rows, columns = (np.floor(at[:, i] * alpha.shape[1 - i]).astype(int) % alpha.shape[1 - i] for i in (1, 0))
-        return alpha[rows, columns] >= cutoff
-
-    return there
+def _is_there(alpha: Array, uv: Array, cutoff: float, weights: Array) -> Array:
+    """Whether points (N, 3 barycentric) of a triangle with ``uv`` (3, 2) are there, by the nearest texel, (N,) bool."""
+    columns, rows = np.floor((weights @ uv) * alpha.shape[::-1]).astype(int).T
+    return alpha[rows % alpha.shape[0], columns % alpha.shape[1]] >= cutoff
 
 
 def _same_view(view: View, previous: View) -> bool:

@@ -122,16 +122,14 @@ def test_engine_frames_of_both_formats_are_read(tmp_path):
 def test_rejection_is_scored():
     from dataclasses import replace
 
-    from taubench_gl.conformance.score import precision_recall
-
     def exact(truth, frames):
         return [replace(f, rejected=~truth.frame(k).valid) for k, f in enumerate(frames)]
 
     def none(truth, frames):
         return [replace(f, rejected=np.zeros_like(f.sky)) for f in frames]
 
-    assert precision_recall(scored(exact, "disocclusion-object")["disocclusion-object"].rejection) == (1.0, 1.0)
-    assert precision_recall(scored(none, "cut")["cut"].rejection) == (None, 0.0)
+    assert scored(exact, "disocclusion-object")["disocclusion-object"].precision_recall == (1.0, 1.0)
+    assert scored(none, "cut")["cut"].precision_recall == (None, 0.0)
 
 
 def test_rejection_is_read_from_files(tmp_path):
