@@ -152,10 +152,9 @@ class Writer:
         animation = gl.Animation(name=name)
         for node, path, times, values, interpolation in tracks:
             flat = np.reshape(values, (-1, 1)) if path == "weights" else np.asarray(values)
+            keys = self.accessor(times, bounds=True)
             output = self.accessor(flat, "u1" if flat.dtype == bool else "f4")
-            sampler = gl.AnimationSampler(
-                input=self.accessor(times, bounds=True), output=output, interpolation=interpolation
-            )
+            sampler = gl.AnimationSampler(input=keys, output=output, interpolation=interpolation)
             animation.samplers.append(sampler)
             target = gl.AnimationChannelTarget(path=path)
             if path == "pointer":
