@@ -263,7 +263,7 @@ def test_users_get_automatic_lighting_from_the_command_line(taubench, tmp_path):
     settings = load_run(tmp_path).summary["settings"]
     assert CONCRETE.items() <= settings.items() and settings["exposure"] != 1.0
     assert out.count(f"exposure {settings['exposure']:.4g}") == 1
-    assert (tmp_path / "tables.txt").read_text().count(f"exposure {settings['exposure']:.4g}") == 1  # below Tables 1 to 4
+    assert (tmp_path / "tables.txt").read_text().count(f"exposure {settings['exposure']:.4g}") == 1
 
 
 def test_generator_and_strength_are_read_from_gltf(tmp_path):
