@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from taubench_gl.pathtraced.check import Check
     from taubench_gl.pathtraced.evaluation import PathTracedPlan
 
-EXIT_CODES = {"right": 0, "wrong": 1, "not judged": 3}
-
 
 @command(
     settings=option_group(only=("camera", "fps", "frames")),
@@ -58,6 +56,7 @@ def check(
     something is wrong, else 3 if vectors are not judged; missing passes are no fault.  See docs/check-your-engine.md.
     """
     from taubench_gl.pathtraced.check_report import check_summary, check_tables, save_check
+    from taubench_gl.pathtraced.check_vectors import exit_code
     from taubench_gl.pathtraced.sequence import PathTracedSequence
     from taubench_gl.pathtraced.write_mapping import write_found, write_guess
 
@@ -78,8 +77,7 @@ def check(
         click.echo(f"written to {out}{os.sep}", err=as_json)
     if write_mapping is not None:
         click.echo(f"written to {write_mapping}", err=as_json)
-    code = EXIT_CODES[result.answer]
-    return 0 if allow_unjudged and result.answer == "not judged" else code
+    return exit_code(result.answer, allow_unjudged)
 
 
 def _checked(spec: str, settings: Settings, files: PathTracedOptions, pairs: int) -> tuple[PathTracedPlan, Check]:

@@ -68,8 +68,9 @@ def score(
     """
     from taubench_gl.conformance.cases import select
     from taubench_gl.conformance.frames import EngineFrames
-    from taubench_gl.conformance.output import exit_code, save_scores, score_summary, score_tables
+    from taubench_gl.conformance.output import save_scores, score_summary, score_tables
     from taubench_gl.conformance.score import score_cases
+    from taubench_gl.pathtraced.check_vectors import exit_code, overall
 
     STAGES.silence()  # scenes are read in milliseconds, one for each case
     frames, line, sizes = EngineFrames(spec, mapping, layer), StatusLine(), {}
@@ -85,7 +86,7 @@ def score(
     if out is not None:
         save_scores(scores, summary, sizes, out)
         click.echo(f"written to {out}{os.sep}", err=as_json)
-    return exit_code(scores, allow_unjudged)
+    return exit_code(overall({score.status for score in scores}), allow_unjudged)
 
 
 @command("list", epilog="\b\nExamples:\n  taubench-gl conformance list")

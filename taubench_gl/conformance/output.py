@@ -26,17 +26,8 @@ from taubench_gl.report.table import Column, Row, Table, to_html
 Array = np.ndarray
 SCHEMA = "taubench-gl/conformance/1"
 SCORE_FILE, JUNIT_FILE, PAGE_FILE = "conformance.json", "junit.xml", "conformance.html"
-EXIT_WRONG, EXIT_NOT_JUDGED = 1, 3
 _SCALE = 4
-"""Pixels of the page per pixel of a frame."""
-
-
-def exit_code(scores: Sequence[CaseScore], allow_unjudged: bool = False) -> int:
-    """1 if a case is wrong, else 3 if one is not judged, else 0; ``allow_unjudged``: 0 in place of 3."""
-    states = {score.status for score in scores}
-    if WRONG in states:
-        return EXIT_WRONG
-    return EXIT_NOT_JUDGED if NOT_JUDGED in states and not allow_unjudged else 0
+"""Width and height, in pixels of the page, of one pixel of a frame that the page shows."""
 
 
 def score_summary(scores: Sequence[CaseScore], about: Mapping[str, Any]) -> dict[str, Any]:

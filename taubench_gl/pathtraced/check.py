@@ -20,19 +20,20 @@ from taubench_gl.animation import View
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced import cameras as cams
 from taubench_gl.pathtraced.cameras import PathTracedCamera, points_at, project
-from taubench_gl.pathtraced.check_files import FEW_PIXELS, PREVIOUS, SAME_POINT, SCENE, STILL, Files, Samples, Truth
+from taubench_gl.pathtraced.check_files import PREVIOUS, SAME_POINT, SCENE, STILL, Files, Samples, Truth
 from taubench_gl.pathtraced.check_vectors import (
     ENOUGH,
+    FEW_PIXELS,
     MIN_MOTION_PX,
     MOST,
     NOT_JUDGED,
-    RIGHT,
     TOLERANCE_PX,
     WRONG,
     ClassVerdict,
     PairVectors,
     class_verdicts,
     length,
+    overall,
     simple_faults,
     tolerance,
 )
@@ -107,7 +108,7 @@ class Check:
         answers = {WRONG} if self.wrong else {verdict.answer for verdict in self.classes}
         if not self.classes and self["camera"].status == "not checked":
             answers |= {NOT_JUDGED}
-        return next((answer for answer in (WRONG, NOT_JUDGED) if answer in answers), RIGHT)
+        return overall(answers)
 
     def __getitem__(self, convention: str) -> Verdict:
         return next(v for v in self.verdicts if v.convention == convention)

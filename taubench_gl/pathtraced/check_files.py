@@ -14,6 +14,7 @@ from taubench_gl.animation import View
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced import cameras as cams
 from taubench_gl.pathtraced.cameras import PathTracedCamera, points_at, project
+from taubench_gl.pathtraced.check_vectors import FEW_PIXELS
 from taubench_gl.pathtraced.passes import PathTracedFrame, to_y_up
 from taubench_gl.pathtraced.readings import BACKWARDS, Reading, corrected_motion
 from taubench_gl.pathtraced.sequence import PathTracedSequence
@@ -22,9 +23,6 @@ Array = np.ndarray
 
 SCENE, PREVIOUS, STILL = BASES = ("the scene", "previous positions", "still surfaces")
 """What vectors are compared with: the first two know the motion of every surface."""
-
-FEW_PIXELS = 50
-"""Fewest pixels that show anything."""
 
 SAME_POINT = 0.01
 """Largest distance of a file's surface point from the scene's, relative to its depth."""

@@ -7,7 +7,7 @@ not judged.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,12 +27,15 @@ MARGIN = 0.05
 """Share by which a fault must explain more surfaces than the camera, where nothing else is known."""
 
 FEW_PIXELS = 50
-"""Fewest pixels of a class."""
+"""Fewest pixels that show anything: of a class, of a fault, of surfaces that move."""
 
 MIN_MOTION_PX = 0.2
 """Median length below which motion shows nothing."""
 
 RIGHT, WRONG, NOT_JUDGED, ABSENT = ANSWERS = ("right", "wrong", "not judged", "absent")
+EXIT_CODES = {RIGHT: 0, WRONG: 1, NOT_JUDGED: 3}
+"""Exit codes of the commands that judge frames."""
+
 STILL, MOVING, SKY = CLASSES = ("still surfaces", "moving surfaces", "sky")
 
 FAULTS = {
@@ -161,6 +164,16 @@ def tolerance(expected: Array) -> Array:
     return TOLERANCE_PX + np.nan_to_num(np.abs(expected)).max(axis=-1) * 2.0**-11
 
 
+def overall(answers: Collection[str]) -> str:
+    """Of the ANSWERS on all parts, that on the whole: wrong if any is, else not judged if any is, else right."""
+    return next((answer for answer in (WRONG, NOT_JUDGED) if answer in answers), RIGHT)
+
+
+def exit_code(answer: str, allow_unjudged: bool) -> int:
+    """The exit code of an ``overall`` answer; ``allow_unjudged``: that of right where nothing is judged."""
+    return EXIT_CODES[RIGHT if allow_unjudged and answer == NOT_JUDGED else answer]
+
+
 def class_verdicts(pairs: Sequence[PairVectors]) -> tuple[ClassVerdict, ...]:
     """The verdict on each class that has pixels.  No pair: none."""
     return tuple(verdict for verdict in (*_surfaces(pairs), _sky(pairs)) if verdict is not None) if pairs else ()
@@ -263,7 +276,7 @@ def _sky(pairs: Sequence[PairVectors]) -> ClassVerdict | None:
 
 
 def _share(masks: Sequence[Array], pairs: Sequence[PairVectors]) -> float:
-    """Pixels of ``masks`` over those of ``pairs``."""
+    """Share of all pixels of ``pairs`` that ``masks``, (h * w,) bool for each pair, have set, 0 to 1."""
     return sum(map(np.count_nonzero, masks)) / sum(len(pair.still) for pair in pairs)
 
 

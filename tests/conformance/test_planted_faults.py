@@ -226,26 +226,33 @@ def pixels_of(frame, truth, name):
     return frame.node == truth.scene.nodes.names.index(name)
 
 
-def wrong_camera(truth, frames):
-    """The same surfaces from a camera 20 cm to the right."""
+def redrawn(truth, frames, points_of):
+    """Frames whose surface points are ``points_of(k)``, (h * w, 3) world, NaN for sky."""
     out = []
     for k, frame in enumerate(frames):
-        view = truth.view(k)
-        moved = replace(view, position=view.position + [0.2, 0.0, 0.0])
-        hits = truth.cast(k, moved, truth.pixels)
-        points = truth.at(hits, truth.vertices(k)).reshape(frame.points.shape) - view.position
+        points = points_of(k).reshape(frame.points.shape) - truth.view(k).position
         out.append(replace(frame, points=points, sky=np.isnan(points[..., 0])))
     return out
+
+
+def cast(truth, k, view=None, pose=pose_vertices, **changes):
+    """Surface points of frame ``k`` as ``Truth.cast`` finds them with the keywords ``changes``, (h * w, 3) world."""
+    hits = truth.cast(k, view or truth.view(k), truth.pixels, pose, **changes)
+    return truth.at(hits, truth.vertices(k, pose))
+
+
+def wrong_camera(truth, frames):
+    """The same surfaces from a camera 20 cm to the right."""
+
+    def points(k):
+        return cast(truth, k, replace(truth.view(k), position=truth.view(k).position + [0.2, 0.0, 0.0]))
+
+    return redrawn(truth, frames, points)
 
 
 def without_box(truth, frames):
-    out = []
-    for k, frame in enumerate(frames):
-        node = truth.scene.nodes.names.index("moving box")
-        hits = truth.cast(k, truth.view(k), truth.pixels, without=node)
-        points = truth.at(hits, truth.vertices(k)).reshape(frame.points.shape) - truth.view(k).position
-        out.append(replace(frame, points=points, sky=np.isnan(points[..., 0])))
-    return out
+    node = truth.scene.nodes.names.index("moving box")
+    return redrawn(truth, frames, lambda k: cast(truth, k, without=node))
 
 
 def doubled(truth, frames):
@@ -266,45 +273,28 @@ def upside_down(truth, frames):
 
 
 def poses_late(truth, frames):
-    out = []
-    for k, frame in enumerate(frames):
-        shown = truth.frame(max(k - 1, 0))
-        points = shown.position - truth.view(k).position
-        out.append(replace(frame, points=points, sky=np.isnan(points[..., 0])))
-    return out
+    return redrawn(truth, frames, lambda k: truth.frame(max(k - 1, 0)).position)
 
 
 def no_visibility(truth, frames):
-    out = []
-    for k, frame in enumerate(frames):
-        hits = truth.cast(k, truth.view(k), truth.pixels, hidden=True)
-        points = truth.at(hits, truth.vertices(k)).reshape(frame.points.shape) - truth.view(k).position
-        out.append(replace(frame, points=points, sky=np.isnan(points[..., 0])))
-    return out
+    return redrawn(truth, frames, lambda k: cast(truth, k, hidden=True))
 
 
 def opaque(truth, frames):
-    out = []
-    for k, frame in enumerate(frames):
-        hits = truth.cast(k, truth.view(k), truth.pixels, masked=False)
-        points = truth.at(hits, truth.vertices(k)).reshape(frame.points.shape) - truth.view(k).position
-        out.append(replace(frame, points=points, sky=np.isnan(points[..., 0])))
-    return out
+    return redrawn(truth, frames, lambda k: cast(truth, k, masked=False))
 
 
 def late_swarm(truth, frames):
     """A small moving object is drawn one frame late, all else is right."""
-    out = []
-    for k, frame in enumerate(frames):
 
-        def pose(scene, state, node, *part, k=k):
+    def points(k):
+        def pose(scene, state, node, *part):
             late = truth.state(k - 1) if scene.nodes.names[node] == "swarm" else state
             return pose_vertices(scene, late, node, *part)
 
-        hits = truth.cast(k, truth.view(k), truth.pixels, pose)
-        points = truth.at(hits, truth.vertices(k, pose)).reshape(frame.points.shape) - truth.view(k).position
-        out.append(replace(frame, points=points, sky=np.isnan(points[..., 0])))
-    return out
+        return cast(truth, k, pose=pose)
+
+    return redrawn(truth, frames, points)
 
 
 @pytest.mark.parametrize(
