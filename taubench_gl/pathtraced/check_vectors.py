@@ -34,7 +34,7 @@ MIN_MOTION_PX = 0.2
 
 RIGHT, WRONG, NOT_JUDGED, ABSENT = ANSWERS = ("right", "wrong", "not judged", "absent")
 EXIT_CODES = {RIGHT: 0, WRONG: 1, NOT_JUDGED: 3}
-"""Exit codes of the commands that judge frames."""
+"""Exit codes of `check` and `conformance score` by their answer."""
 
 STILL, MOVING, SKY = CLASSES = ("still surfaces", "moving surfaces", "sky")
 
