@@ -1,4 +1,4 @@
-"""``taubench-gl batch``: many scenes with many settings, on one machine or many."""
+"""``taubench-gl batch``: many scenes with many settings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import click
 from taubench_gl.apps.options import Commands, command
 from taubench_gl.apps.screen import interruptible, show_tables, warn
 from taubench_gl.fields import REQUIRED, setting
-from taubench_gl.option_groups import EngineOptions
+from taubench_gl.option_groups import WorkerOptions
 from taubench_gl.settings import OUTPUT
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 Examples:
   taubench-gl batch spec.toml --out results
   taubench-gl batch spec.toml --out results --workers 4
-  taubench-gl batch spec.toml --out results --engine dask-local
-  taubench-gl batch spec.toml --out results --engine dask://node1:8786
   taubench-gl batch status results
   taubench-gl batch resume results --workers 4
   taubench-gl batch report results""",
@@ -36,8 +34,8 @@ def batch() -> None:
     """Evaluate many scenes with many settings: 'batch SPEC.toml --out DIR' runs a batch spec.
 
     A batch spec is a TOML file: scenes = ["a.glb", "more/*.glb"] and any setting of 'evaluate', such as
-    size = "640x360".  A list of values is a sweep.  Results do not depend on the engine, bit for bit, and an
-    interrupted batch can be resumed.
+    size = "640x360".  A list of values is a sweep.  Results do not depend on the number of workers, bit
+    for bit, and an interrupted batch can be resumed.
     """
 
 
@@ -49,7 +47,7 @@ Examples:
 @click.argument("spec", type=click.Path(path_type=Path), metavar="SPEC.toml")
 def run(
     spec: Path,
-    engine: EngineOptions,
+    workers: WorkerOptions,
     *,
     out: Path = setting(REQUIRED, "Folder of the results", group=OUTPUT, metavar="DIR"),
 ) -> int:
@@ -61,7 +59,7 @@ def run(
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.batch.spec import read_spec
 
-    return _run(read_spec(spec, resolve), out, engine)
+    return _run(read_spec(spec, resolve), out, workers)
 
 
 @command(
@@ -70,9 +68,9 @@ Examples:
   taubench-gl batch resume results --workers 4"""
 )
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
-def resume(out: Path, engine: EngineOptions) -> int:
-    """Continue the batch in DIR, on any engine.  Finished pairs are kept; failed scenes are tried again."""
-    return _run(None, out, engine)
+def resume(out: Path, workers: WorkerOptions) -> int:
+    """Continue the batch in DIR with any number of workers.  Finished pairs are kept; failed scenes are tried again."""
+    return _run(None, out, workers)
 
 
 @command(
@@ -113,13 +111,13 @@ def report(out: Path) -> None:
     click.echo(f"written to {out}/tables.txt, .md, .csv, .tex")
 
 
-def _run(spec: BatchSpec | None, out: Path, engine: EngineOptions) -> int:
+def _run(spec: BatchSpec | None, out: Path, workers: WorkerOptions) -> int:
     from taubench_gl.apps.progress import StudyScreen
     from taubench_gl.batch.study import run_batch
 
     kept = f"finished pairs are kept: taubench-gl batch resume {out}"
     with interruptible(lambda: kept), StudyScreen() as screen:
-        outcome = run_batch(spec, out, **asdict(engine), listener=screen)
+        outcome = run_batch(spec, out, **asdict(workers), listener=screen)
     return _print_outcome(outcome, out)
 
 
