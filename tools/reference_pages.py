@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 
@@ -246,8 +246,69 @@ def _parameters(signature: inspect.Signature) -> Iterator[str]:
         yield text
 
 
+_GLOSSARY_HEAD = """# Glossary
+
+This page is written by `tools/record commands` from `taubench_gl/glossary.toml`. The help of the command line
+and the tooltips of the report and of the viewer show the same sentences. Equations are the paper's;
+[conventions.md](conventions.md) explains what the paper leaves open.
+"""
+
+
+def glossary_page() -> str:
+    """The Markdown text of docs/glossary.md."""
+    bits = {reason: str(int(reason)) for reason in glossary.REASONS}
+    return "\n".join(
+        (
+            _GLOSSARY_HEAD,
+            *_section("Concepts", glossary.CONCEPTS.values()),
+            *_section(
+                "Reasons",
+                glossary.REASONS.values(),
+                "Each pixel of a pair has a mask of reason bits. The column *bit* is the value in exported masks.",
+                tuple(bits.values()),
+            ),
+            *_section(
+                "Reasons of pixels that are not reusable",
+                glossary.REUSE_REASONS.values(),
+                "Disjoint: a pixel counts once, under the first reason of this list that applies. The reasons and the "
+                "reuse rate add up to 100 %.",
+            ),
+            *_section(
+                "Columns of Table 4",
+                glossary.COLUMNS.values(),
+                "A column counts the pixels that it discards. The unit is that of the threshold.",
+            ),
+            *_section("Camera activity (Tables 2 and 3)", glossary.CAMERA.values()),
+            *_section("Statistics", glossary.STATISTICS.values()),
+            *_section("Exact visibility", glossary.EXACT.values()),
+            *_section("Scene statistics (Table 1)", glossary.CENSUS.values()),
+            *_section(
+                "Columns of frames.csv",
+                glossary.FRAMES.values(),
+                "One row per pair; an empty cell was not measured. A count column holds the number of pixels that have "
+                "the reason.",
+            ),
+            *_section("Reprojection, sampling and history", glossary.OPTIONS.values()),
+        )
+    )
+
+
+def _section(title: str, terms: Iterable[glossary.Term], text: str = "", bits: tuple[str, ...] = ()) -> list[str]:
+    """A heading and a Markdown table; ``bits`` adds a column."""
+    terms = list(terms)
+    heads = ["key", "label", *(["bit"] if bits else []), "definition", "unit", "source"]
+    lines = [f"## {title}\n", *([f"{text}\n"] if text else [])]
+    lines += ["| " + " | ".join(heads) + " |", "| " + " | ".join("---" for _ in heads) + " |"]
+    for number, term in enumerate(terms):
+        bit = [bits[number]] if bits else []
+        lines.append(
+            "| " + " | ".join([f"`{term.key}`", term.label, *bit, term.definition, term.unit, term.source]) + " |"
+        )
+    return [*lines, ""]
+
+
 def pages() -> dict[Path, str]:
     """Path -> text of every page that this module makes."""
     out = {DOCS / "commands" / name: text for name, text in command_pages().items()}
-    out |= {DOCS / "api.md": api_page(), DOCS / "glossary.md": glossary.page()}
+    out |= {DOCS / "api.md": api_page(), DOCS / "glossary.md": glossary_page()}
     return out | {DOCS / "repairs.md": notes.page()}
