@@ -19,31 +19,24 @@ if TYPE_CHECKING:
     from taubench_gl.batch.study import Outcome
 
 
-@click.group(
-    cls=Commands,
-    default="run",
-    epilog="""\b
-Examples:
-  taubench-gl batch spec.toml --out results
-  taubench-gl batch spec.toml --out results --workers 4
-  taubench-gl batch status results
-  taubench-gl batch resume results --workers 4
-  taubench-gl batch report results""",
-)
+@click.group(cls=Commands, default="run")
 def batch() -> None:
     """Evaluate many scenes with many settings: 'batch SPEC.toml --out DIR' runs a batch spec.
 
     A batch spec is a TOML file: scenes = ["a.glb", "more/*.glb"] and any setting of 'evaluate', such as
     size = "640x360".  A list of values is a sweep.  Results do not depend on the number of workers, bit
     for bit, and an interrupted batch can be resumed.
+
+    Examples:
+      taubench-gl batch spec.toml --out results
+      taubench-gl batch spec.toml --out results --workers 4
+      taubench-gl batch status results
+      taubench-gl batch resume results --workers 4
+      taubench-gl batch report results
     """
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl batch run spec.toml --out results --workers 4"""
-)
+@command()
 @click.argument("spec", type=click.Path(path_type=Path), metavar="SPEC.toml")
 def run(
     spec: Path,
@@ -55,6 +48,9 @@ def run(
 
     DIR gets summary.json, frames.parquet and tables of all jobs, and jobs/JOB with summary.json and frames.csv of each
     job.  A scene that fails does not stop the others: logs/JOB.log gives the reason, and the exit code is 2.
+
+    Examples:
+      taubench-gl batch run spec.toml --out results --workers 4
     """
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.batch.spec import read_spec
@@ -62,25 +58,25 @@ def run(
     return _run(read_spec(spec, resolve), out, workers)
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl batch resume results --workers 4"""
-)
+@command()
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
 def resume(out: Path, workers: WorkerOptions) -> int:
-    """Continue the batch in DIR with any number of workers.  Finished pairs are kept; failed scenes are tried again."""
+    """Continue the batch in DIR with any number of workers.  Finished pairs are kept; failed scenes are tried again.
+
+    Examples:
+      taubench-gl batch resume results --workers 4
+    """
     return _run(None, out, workers)
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl batch status results"""
-)
+@command()
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
 def status(out: Path) -> int:
-    """Print the progress of the batch in DIR.  The exit code is 2 if a scene has failed."""
+    """Print the progress of the batch in DIR.  The exit code is 2 if a scene has failed.
+
+    Examples:
+      taubench-gl batch status results
+    """
     from taubench_gl.batch.study import batch_status
 
     name, driver, jobs = batch_status(out)
@@ -94,14 +90,14 @@ def status(out: Path) -> int:
     return 2 if any(job.state == "failed" for job in jobs) else 0
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl batch report results"""
-)
+@command()
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
 def report(out: Path) -> None:
-    """Print Tables 1 to 4 of all finished jobs in DIR, and write them there as text, Markdown, CSV and LaTeX."""
+    """Print Tables 1 to 4 of all finished jobs in DIR, and write them there as text, Markdown, CSV and LaTeX.
+
+    Examples:
+      taubench-gl batch report results
+    """
     from taubench_gl.batch.study import batch_report
 
     tables, missing = batch_report(out)

@@ -22,35 +22,22 @@ CASES = setting(
 )
 
 
-@click.group(
-    cls=Commands,
-    default="run",
-    epilog="""\b
-Examples:
-  taubench-gl benchmark --out results
-  taubench-gl benchmark svgf ./my_method --out results
-  taubench-gl benchmark plan --suite full --time
-  taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json""",
-)
+@click.group(cls=Commands, default="run")
 def benchmark() -> None:
     """Evaluate reuse methods on a fixed suite: 'benchmark METHOD... --out DIR' runs it.
 
     The result is one JSON file and one page: a scorecard per method, rankings, and the speed up to which a method is
     better than no reuse.  Results do not depend on workers, bit for bit, except for times.
+
+    Examples:
+      taubench-gl benchmark --out results
+      taubench-gl benchmark svgf ./my_method --out results
+      taubench-gl benchmark plan --suite full --time
+      taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json
     """
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl benchmark run --out results
-  taubench-gl benchmark run taa_clamp@alpha=0.05 my_method.py --suite quick --out results
-  taubench-gl benchmark run --suite full --workers 16 --out results
-
-\b
-The same command continues an interrupted benchmark; what is stored in DIR does not run again.
-docs/benchmark.md defines every number.""",
-)
+@command()
 @click.argument("methods", nargs=-1, metavar="[METHOD]...")
 def run(
     methods: tuple[str, ...],
@@ -67,6 +54,14 @@ def run(
 
     METHOD is a built-in name, a folder, file.py, module:Class or exr:DIR, with settings as NAME@alpha=0.1.  'none' is
     always included.  A method that fails is ranked last with its reason; the exit code is then 2.
+
+    Examples:
+      taubench-gl benchmark run --out results
+      taubench-gl benchmark run taa_clamp@alpha=0.05 my_method.py --suite quick --out results
+      taubench-gl benchmark run --suite full --workers 16 --out results
+
+    The same command continues an interrupted benchmark; what is stored in DIR does not run again.
+    docs/benchmark.md defines every number.
     """
     from taubench_gl.apps.progress import StudyScreen
     from taubench_gl.benchmark.run import run_benchmark
@@ -84,13 +79,7 @@ def run(
     return 2 if failed else 0
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl benchmark plan
-  taubench-gl benchmark plan --suite full --time
-  taubench-gl benchmark plan none svgf --suite full --cases '*/path-traced@1' --time --workers 16"""
-)
+@command()
 @click.argument("methods", nargs=-1, metavar="[METHOD]...")
 def plan(
     methods: tuple[str, ...],
@@ -103,6 +92,11 @@ def plan(
     """Print the units of a suite: cases, hashes, scene files.  Makes the scenes; renders nothing without --time.
 
     Path-traced references are traced in part for the estimate; what is traced is kept.
+
+    Examples:
+      taubench-gl benchmark plan
+      taubench-gl benchmark plan --suite full --time
+      taubench-gl benchmark plan none svgf --suite full --cases '*/path-traced@1' --time --workers 16
     """
     from taubench_gl.benchmark.estimate import estimate_units
     from taubench_gl.benchmark.run import BenchmarkStudy, entries_of, runnable
@@ -123,12 +117,7 @@ def plan(
         announce(estimate_units(units, note), "frames", available_cores() if workers is None else workers, click.echo)
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl benchmark compare mine theirs
-  taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json --format markdown"""
-)
+@command()
 @click.argument("a", metavar="A.json")
 @click.argument("b", metavar="B.json")
 def compare(
@@ -137,7 +126,12 @@ def compare(
     *,
     form: str = setting("text", "Format of the tables", one_of(TABLE_FORMATS[:-1]), flag="--format"),
 ) -> None:
-    """Print two benchmarks of one suite side by side.  Other suites, versions of it or scenes are refused."""
+    """Print two benchmarks of one suite side by side.  Other suites, versions of it or scenes are refused.
+
+    Examples:
+      taubench-gl benchmark compare mine theirs
+      taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json --format markdown
+    """
     from taubench_gl.benchmark.output import compared, load_benchmark
     from taubench_gl.report.benchmark import comparison_tables
 

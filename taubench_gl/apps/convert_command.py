@@ -11,17 +11,7 @@ from taubench_gl.apps.screen import show_notes
 from taubench_gl.fields import one_of, setting
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl convert scene.blend scene.glb
-  taubench-gl convert scene.fbx scene.glb --take Run
-  taubench-gl convert scene.usdc scene.glb
-\b
-Reads .blend .fbx .usd .usda .usdc .usdz .abc .ply .stl .dae.  The other commands convert such files on the fly and
-keep the result in the cache.  Needs Blender as a Python module (bpy), best in an environment of its own;
-TAUBENCH_BLENDER_PYTHON names the interpreter that has it.  Scripts inside .blend files are not run."""
-)
+@command()
 @click.argument("source", metavar="SCENE")
 @click.argument("target", type=click.Path(path_type=Path), metavar="OUT.glb")
 def convert(
@@ -42,6 +32,15 @@ def convert(
 
     Lists what glTF has no form for.  Lights are in candela and lux, 683 lm for each watt; the other commands divide
     them by 683 (--light-unit auto).  The world is written as an environment image beside OUT.glb and used by default.
+
+    Examples:
+      taubench-gl convert scene.blend scene.glb
+      taubench-gl convert scene.fbx scene.glb --take Run
+      taubench-gl convert scene.usdc scene.glb
+
+    Reads .blend .fbx .usd .usda .usdc .usdz .abc .ply .stl .dae.  The other commands convert such files on the fly and
+    keep the result in the cache.  Needs Blender as a Python module (bpy), best in an environment of its own;
+    TAUBENCH_BLENDER_PYTHON names the interpreter that has it.  Scripts inside .blend files are not run.
     """
     from taubench_gl.pathtraced.blender.convert import convert as convert_file
     from taubench_gl.scene import load_scene

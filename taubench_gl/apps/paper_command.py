@@ -14,15 +14,7 @@ from taubench_gl.option_groups import PaperOptions, WorkerOptions
 from taubench_gl.settings import OUTPUT
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl paper --out paper --quick
-  taubench-gl paper --out paper --workers 4
-  taubench-gl paper eternal-valley-fps --out paper --light raster,path-traced --lobe diffuse --lobe glossy
-  taubench-gl paper --out paper --quick --light auto,raster
-  taubench-gl paper --out paper --light path-traced --estimate"""
-)
+@command()
 @click.argument("scenes", nargs=-1, metavar="[SCENE]...")
 def paper(
     scenes: tuple[str, ...],
@@ -40,6 +32,13 @@ def paper(
 
     DIR gets paper.html, paper.tex, paper.json, tables and figures.  A run that was stopped, in whatever way, continues
     where it stopped when the command is repeated.  The exit code is 2 if a scene has failed.
+
+    Examples:
+      taubench-gl paper --out paper --quick
+      taubench-gl paper --out paper --workers 4
+      taubench-gl paper eternal-valley-fps --out paper --light raster,path-traced --lobe diffuse --lobe glossy
+      taubench-gl paper --out paper --quick --light auto,raster
+      taubench-gl paper --out paper --light path-traced --estimate
     """
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.apps.progress import StudyScreen
