@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from light_kit import turn
 
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.light_kit import turn
 from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere, tube
 
 DURATION = 2.5

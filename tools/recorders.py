@@ -69,8 +69,11 @@ def hard_cases() -> dict[Path, str]:
 
 def assets(work: Path) -> None:
     from make_assets import demo
+    from suite_scenes import SCENES, make_light_scene
 
     demo().save(DEMO)
+    for name, scene in SCENES.items():
+        make_light_scene(scene, DEMO.parent / "light" / f"{name}.glb")
 
 
 def readme(work: Path) -> None:

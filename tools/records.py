@@ -121,8 +121,9 @@ EVERY = (
     ),
     Record("hard-cases", ("docs/hard-cases.md",), contents=by.hard_cases),
     Record(
-        "assets", (DEMO,),
-        ("tools/make_assets.py", "taubench_gl/datasets/gltf_writer.py", "taubench_gl/datasets/shapes.py"), by.assets,
+        "assets", (DEMO, "assets/light"),
+        ("tools/make_assets.py", "tools/suite_scenes.py", "tools/light_kit.py",
+         "taubench_gl/datasets/gltf_writer.py", "taubench_gl/datasets/shapes.py"), by.assets,
     ),
     # What is drawn; how it is drawn is what the goldens test.  Look at them before a commit.
     Record("goldens", ("tests/goldens",), ("tests/frame/golden_cases.py", DEMO), by.program("make_goldens.py")),
@@ -132,7 +133,7 @@ EVERY = (
     ),
     Record(
         "cycles-references", ("tests/pathtraced/references", "tests/pathtraced/light_transport"),
-        ("tools/cycles_references", "tools/light_transport_scenes.py", "taubench_gl/datasets/light_scenes.py",
+        ("tools/cycles_references", "tools/light_transport_scenes.py", "tools/suite_scenes.py",
          "tests/pathtraced/reference_scenes.py"),
         by.program("cycles_references"),
     ),
@@ -198,7 +199,7 @@ EVERY = (
     ),
     Record("light-agreement", ("docs/light.md",), ("tools/light_scenes.py", *FRAME)),  # tools/light_agreement
     Record(  # tools/light_columns
-        "light-columns", ("docs/path-traced.md",), ("taubench_gl/datasets/light_scenes.py", *FRAME, *RAYS),
+        "light-columns", ("docs/path-traced.md",), ("assets/light", *FRAME, *RAYS),
     ),
 )  # fmt: skip
 
