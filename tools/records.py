@@ -121,8 +121,8 @@ EVERY = (
     ),
     Record("hard-cases", ("docs/hard-cases.md",), contents=by.hard_cases),
     Record(
-        "assets", (DEMO, "assets/light"),
-        ("tools/make_assets.py", "tools/suite_scenes.py", "tools/light_kit.py",
+        "assets", (DEMO, "assets/light", "assets/conformance"),
+        ("tools/make_assets.py", "tools/conformance_scenes.py", "tools/suite_scenes.py", "tools/light_kit.py",
          "taubench_gl/datasets/gltf_writer.py", "taubench_gl/datasets/shapes.py"), by.assets,
     ),
     # What is drawn; how it is drawn is what the goldens test.  Look at them before a commit.
@@ -194,7 +194,7 @@ EVERY = (
     Record("command-times", ("docs/speed.md",), (DEMO, *FRAME, *RAYS, *REUSE), by.command_times),
     Record(  # tools/engines, then conformance_table.py
         "conformance", ("docs/conformance.md",),
-        ("taubench_gl/conformance", *(f"tools/engines/conformance_{name}" for name in (
+        ("taubench_gl/conformance", "assets/conformance", *(f"tools/engines/conformance_{name}" for name in (
             "bpy.py", "three.page.mjs", "babylon.page.mjs", "taubench.py"))),
     ),
     Record("light-agreement", ("docs/light.md",), ("tools/light_scenes.py", *FRAME)),  # tools/light_agreement
