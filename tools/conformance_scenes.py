@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pygltflib as gl
+import shapes
 
 from taubench_gl.conformance.cases import CAMERA, FPS, FRAMES
-from taubench_gl.datasets import shapes
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.math3d import quat_multiply
 from taubench_gl.scene.builder import turn

@@ -26,11 +26,11 @@ from light_kit import (
     turn,
 )
 from make_assets import add_tentacle
+from shapes import quad, sphere
 from suite_scenes import SCENES as MADE
 from suite_scenes import LightScene, make_light_scene
 
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.shapes import quad, sphere
 
 
 def skinned_movers(w: Writer) -> Tracks:

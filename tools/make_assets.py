@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 from light_kit import turn
+from shapes import Shape, box, join, moved, quad, sphere, tube
 
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere, tube
 
 DURATION = 2.5
 SKY = "0.13,0.23,0.46"

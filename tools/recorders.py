@@ -70,11 +70,14 @@ def hard_cases() -> dict[Path, str]:
 def assets(work: Path) -> None:
     from conformance_scenes import SCENES as CASES
     from make_assets import demo
+    from make_stand_ins import RECIPES, build
     from suite_scenes import SCENES, make_light_scene
 
     demo().save(DEMO)
     for name, scene in SCENES.items():
         make_light_scene(scene, DEMO.parent / "light" / f"{name}.glb")
+    for name, recipe in RECIPES.items():
+        build(recipe).save(DEMO.parent / "stand-ins" / f"{name}.glb")
     for name, document in CASES.items():
         document().save(DEMO.parent / "conformance" / f"{name}.glb")
 

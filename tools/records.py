@@ -121,9 +121,11 @@ EVERY = (
     ),
     Record("hard-cases", ("docs/hard-cases.md",), contents=by.hard_cases),
     Record(
-        "assets", (DEMO, "assets/light", "assets/conformance"),
-        ("tools/make_assets.py", "tools/conformance_scenes.py", "tools/suite_scenes.py", "tools/light_kit.py",
-         "taubench_gl/datasets/gltf_writer.py", "taubench_gl/datasets/shapes.py"), by.assets,
+        "assets", (DEMO, "assets/light", "assets/conformance", "assets/stand-ins"),
+        (*(f"tools/{name}.py" for name in (
+            "make_assets", "make_stand_ins", "valley", "figures", "conformance_scenes", "suite_scenes", "light_kit",
+            "shapes",
+        )), "taubench_gl/datasets/gltf_writer.py"), by.assets,
     ),
     # What is drawn; how it is drawn is what the goldens test.  Look at them before a commit.
     Record("goldens", ("tests/goldens",), ("tests/frame/golden_cases.py", DEMO), by.program("make_goldens.py")),

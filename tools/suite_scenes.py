@@ -23,10 +23,10 @@ from light_kit import (
     tiled,
     turn,
 )
+from make_stand_ins import LICENSE
+from shapes import Shape, box, join, quad, sphere
 
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.shapes import Shape, box, join, quad, sphere
-from taubench_gl.datasets.stand_ins import LICENSE
 
 
 def surfaces(w: Writer, **colors: tuple[float, float, float]) -> list[int]:

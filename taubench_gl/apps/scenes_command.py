@@ -175,7 +175,6 @@ def make(name: str, out: Path) -> None:
       taubench-gl evaluate valley.glb
     """
     from taubench_gl.apps.screen import show_tables
-    from taubench_gl.datasets.stand_ins import make_stand_in
     from taubench_gl.report import paper_tables
     from taubench_gl.scene import load_scene
 
@@ -185,10 +184,18 @@ def make(name: str, out: Path) -> None:
         click.echo(f"{make_arena(name, out)}: {out} ({out.stat().st_size:,} bytes, GPL 2)")
         click.echo(f"Tables 1 to 4: taubench-gl evaluate {out}")
         return
-    recipe = make_stand_in(name, out)
-    summary = describe(load_scene(out), recipe.camera.fps)
-    show_tables(paper_tables([summary])[:3])
-    click.echo(f"note: {recipe.note}")
+    from taubench_gl.data_files import read_bytes
+    from taubench_gl.datasets.camera_path import CAPTURE_FPS
+    from taubench_gl.datasets.stand_ins import STAND_INS
+    from taubench_gl.errors import SettingsError
+    from taubench_gl.outputs import write_atomically
+
+    if out.suffix.lower() != ".glb":
+        raise SettingsError(f"{out.name} does not end in .glb", hint="stand-ins are written as one binary file")
+    write_atomically(out, read_bytes(STAND_INS[name]))
+    scene = load_scene(out)
+    show_tables(paper_tables([describe(scene, CAPTURE_FPS)])[:3])
+    click.echo(f"note: {scene.stand_in}")
     click.echo(f"written to {out} ({out.stat().st_size:,} bytes, CC0)")
     click.echo(f"Table 4: taubench-gl evaluate {out}, or all tables beside the paper's: taubench-gl paper {name}")
 

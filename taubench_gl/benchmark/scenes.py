@@ -1,4 +1,4 @@
-"""Scenes of a suite: files, scenes of the package, stand-ins and stressed variants, which are made once and cached.
+"""Scenes of a suite: files, scenes of the package, and stressed variants, which are made once and cached.
 
 A stressed variant has a camera of constant speed in free space (``rotation``: yaw, degrees per frame; ``translation``:
 meters per frame) or a still camera and moving lights or objects (meters per frame); ``datasets.stress`` writes it.
@@ -16,7 +16,7 @@ from taubench_gl.datasets.camera_path import CameraSpec
 from taubench_gl.datasets.gltf_edit import GltfEditor
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.scene_cache import sha256_of
-from taubench_gl.datasets.stand_ins import STAND_INS, make_stand_in
+from taubench_gl.datasets.stand_ins import STAND_INS
 from taubench_gl.datasets.stress import ANIMATIONS, Moves, stress
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.outputs import output_folder, replacing
@@ -26,7 +26,7 @@ from taubench_gl.study.store import content_hash
 STRESS = ("rotation", "translation", "light_speed", "object_speed")
 
 LIGHT_SCENES = {path.stem: path for path in sorted((ASSETS / "light").glob("*.glb"))}
-SHIPPED = {"demo": ASSETS / "demo.glb", **LIGHT_SCENES}
+SHIPPED = {"demo": ASSETS / "demo.glb", **STAND_INS, **LIGHT_SCENES}
 """Scenes of the package -> their files."""
 
 
@@ -34,8 +34,8 @@ SHIPPED = {"demo": ASSETS / "demo.glb", **LIGHT_SCENES}
 class SceneRecipe:
     """A scene of a suite, and how it is made.
 
-    ``source``: one of SHIPPED, STAND_INS or the recorded games, or an absolute path; ``axis``: one of STRESS, None for
-    the source as it is; ``value``: speed along the axis, per frame at ``fps``; ``frames``: length of the camera path;
+    ``source``: one of SHIPPED or the recorded games, or an absolute path; ``axis``: one of STRESS, None for the source
+    as it is; ``value``: speed along the axis, per frame at ``fps``; ``frames``: length of the camera path;
     ``still``: without the animations of the source.
     """
 
@@ -48,11 +48,11 @@ class SceneRecipe:
 
 
 def known_source(text: str, folder: Path) -> str:
-    """The source that ``text`` names: a scene of the package, a stand-in, a recorded game, or a file beside the suite.
+    """The source that ``text`` names: a scene of the package, a recorded game, or a file beside the suite.
 
     Raises SettingsError.
     """
-    names = (*SHIPPED, *STAND_INS, *arena_scenes())
+    names = (*SHIPPED, *arena_scenes())
     if text in names:
         return text
     path = folder / text
@@ -64,12 +64,6 @@ def known_source(text: str, folder: Path) -> str:
 
 def scene_file(recipe: SceneRecipe) -> Path:
     """The file of a scene; it is written to the cache on first use.  Raises TaubenchError."""
-    if recipe.axis is None and recipe.source in STAND_INS:
-        path = _cached(recipe.source, recipe.source)
-        if not path.is_file():
-            with replacing(path, suffix=".glb") as file:
-                make_stand_in(recipe.source, file)
-        return path
     if recipe.axis is None and recipe.source in arena_scenes():
         return arena_file(recipe.source)
     if recipe.axis is None:
