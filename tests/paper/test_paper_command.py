@@ -221,9 +221,8 @@ def test_a_repeated_command_draws_nothing(finished, monkeypatch):
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
-@pytest.mark.parametrize("workers", [-1, 100000])
-def test_impossible_numbers_of_workers_are_refused_before_anything_is_made(tmp_path, workers):
-    done = run(*SMALL, "--workers", workers, "--out", tmp_path / "out")
+def test_too_many_workers_are_refused_before_anything_is_made(tmp_path):
+    done = run(*SMALL, "--workers", 100000, "--out", tmp_path / "out")
     assert isinstance(done.exception, SettingsError)
     assert not (tmp_path / "out").exists()
 
