@@ -101,7 +101,7 @@ def check_slide(page: Any, where: str) -> None:
 def drive_question(demo: Demo, result: Any, page: Any) -> None:
     """Before the guess neither text, name of an image nor key shows the number, its theory or the answer's image."""
     (low, high), first = demo.text.guess, result.findings[0]
-    secrets = [first.text, first.expected_text, first.expected.source, result.caption, *demo.text.look_for]
+    secrets = [first.text, first.expected_text, first.expected.source, demo.text.caption, *demo.text.look_for]
     before, tree = body(page), page.locator("body").aria_snapshot()
     assert [s for s in secrets if s in before or s in tree] == []
     assert low < high and low <= first.number <= high
