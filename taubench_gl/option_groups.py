@@ -188,9 +188,9 @@ class ReuseOptions(Checked):
     vpl_samples: int = VPL_SAMPLES
     reference: str | None = setting(
         None,
-        "path-traced: path-traced light with the samples that fit --reference-time; path-traced@M: of M samples per "
-        "pixel; both stored and extended.  max: exact light of the raster method, supersampled.  exr:DIR: path-traced "
-        "frames with the same numbers",
+        "path-traced: path-traced light with the samples that fit --reference-time, or as few as leave no noise "
+        "to see; path-traced@M: of M samples per pixel; both stored and extended.  max: exact light of the raster "
+        "method, supersampled.  exr:DIR: path-traced frames with the same numbers",
         short=True,
         metavar="max|path-traced[@M]|exr:DIR",
         shown="path-traced for path-traced input, else max",
