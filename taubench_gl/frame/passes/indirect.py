@@ -18,7 +18,7 @@ from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW
 from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import channel_pass, geometry_pass, geometry_variant
-from taubench_gl.frame.passes.shadows import AnchoredRecords, FaceDrawer, Variant
+from taubench_gl.frame.passes.shadows import AnchoredRecords, FaceDrawer, Variant, fixed_draws
 from taubench_gl.frame.patches import PATCH, Patches, lamps_of
 from taubench_gl.frame.scene_buffers import Group
 from taubench_gl.frame.shadow_faces import FACE, Face, FaceTable, faces_of, first_faces, pack
@@ -31,7 +31,6 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.lobes import COMMON_LOBES, lobe_channels
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
-from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
 
@@ -156,16 +155,6 @@ def vpl_size(count: int) -> tuple[int, int]:
 
 def _probe_count(layout: Array) -> int:
     return int(np.prod(layout["probe_counts"][:3]))
-
-
-def fixed_draws(scene: Scene, draws: tuple[Draw, ...]) -> Array:
-    """Draws that no animation moves, bends or hides, (D,) bool."""
-    nodes = scene.nodes
-    moves = np.zeros(len(nodes.parent), dtype=bool)
-    moves[[c.index for c in scene.channels if c.target == "node" and c.path != "weights"]] = True
-    for level in nodes.levels()[1:]:
-        moves[level] |= moves[nodes.parent[level]]
-    return np.array([not (d.posed or moves[d.node]) for d in draws], dtype=bool)
 
 
 # ------------------------------------------------------------------------------------------------------------- passes
