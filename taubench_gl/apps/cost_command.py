@@ -23,7 +23,7 @@ from taubench_gl.settings import OUTPUT, STEREO, Settings
     epilog="""\b
 Examples:
   taubench-gl cost scene.glb --out study --size 480x270
-  taubench-gl cost scene.glb --out study --size 480x270 --frames 0:9 --longest 1m
+  taubench-gl cost scene.glb --out study --size 480x270 --frames 0:9 --time 5m
   taubench-gl cost scene.glb --out study --columns position,direct --truth-within 0.5 --clock cpu
   taubench-gl evaluate scene.glb --preset study/within-60s.toml
 \b
