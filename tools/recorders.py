@@ -308,7 +308,7 @@ def light_samples(work: Path) -> None:
 
 def cost(work: Path) -> None:
     """Ten minutes: the study itself continues what an earlier call began."""
-    size = ("--size", "32x18", "--frames", "20:23", "--clock", "cpu", "--truth-within", "0.5", "--longest", "100")
+    size = ("--size", "32x18", "--frames", "20:23", "--clock", "cpu", "--truth-within", "0.5", "--time", "none")
     taubench("cost", "assets/demo.glb", "--out", work / "demo", *size)
     keep_image(work / "demo" / "cost.png", "cost-demo.png")
     study = json.loads((work / "demo" / "cost.json").read_text(encoding="utf-8"))

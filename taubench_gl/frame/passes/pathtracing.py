@@ -65,8 +65,8 @@ EXACT_PER_SAMPLE = 4
 its path has two rays a bounce and evaluates CANDIDATES lights at every vertex."""
 
 MOST_EXACT = 1024
-"""Lights of a cell, up to which listed pixels have light without noise.  Only those that would shine on a point without
-shadow have a ray there; as many samples of single lights as rays would still be noisy."""
+"""Lights of a cell, up to which listed pixels and images with ``every_light`` have no noise.  Only those that would
+shine on a point without shadow have a ray there; as many samples of single lights as rays would still be noisy."""
 
 MOST_CELLS, CELL_ENTRIES = 1 << 11, 1 << 20
 """Most cells of the grid of lights, and most lights in all cells together."""
@@ -128,11 +128,14 @@ def state_layers(spec: FrameSpec) -> int:
 def exact_punctual(spec: FrameSpec) -> bool:
     """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise.
 
-    With ``pixel_list``, in frames without a cell of more than MOST_EXACT lights.
+    Of more lights than EXACT_PER_SAMPLE allows, in frames without a cell of more than MOST_EXACT.
     """
-    few = len(spec.light_kinds) <= max(CANDIDATES, EXACT_PER_SAMPLE * spec.spp)
     traced = "punctual" in spec.path_traced_sources and not spec.shading.one_light
-    return traced and (spec.pixel_list or few)
+    return traced and (spec.pixel_list or spec.shading.every_light or _few_lights(spec))
+
+
+def _few_lights(spec: FrameSpec) -> bool:
+    return len(spec.light_kinds) <= max(CANDIDATES, EXACT_PER_SAMPLE * spec.spp)
 
 
 def light_grid(spec: FrameSpec, emitters: int) -> LightCells:
@@ -413,7 +416,7 @@ class PathTracing(Owner):
         if "punctual" in sources:
             tables.append(self._punctual_cells(frame))
             most = int(np.diff(tables[0][0]).max())
-            frame.exact_light = exact_punctual(self._spec) and not (self._spec.pixel_list and most > MOST_EXACT)
+            frame.exact_light = exact_punctual(self._spec) and (most <= MOST_EXACT or _few_lights(self._spec))
             self._rays = range(0, max(most, 1) * frame.exact_light, LIGHT_CHUNK)
         frame.emitter_cells = sum(len(first) for first, _ in tables)
         if "emitters" in sources:
