@@ -34,6 +34,7 @@ from taubench_gl.outputs import write_atomically
 from taubench_gl.paths import cache_folder
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import MAX_EXPOSURE, Settings
+from taubench_gl.stage_log import lasting
 
 log = logging.getLogger(__name__)
 
@@ -128,7 +129,11 @@ def _metered(animated: AnimatedScene, metering: Settings, times: np.ndarray, own
         source = opened.open_source(animated, metering, pixel_list=True)
         if "direct" in source.unmeasured:
             return None
-        frames = [surface_light(source, frame, METERED_PIXELS // len(times)) for frame in range(len(times))]
+        frames = []
+        with lasting(log, "metering the exposure") as advance:
+            for frame in range(len(times)):
+                frames.append(surface_light(source, frame, METERED_PIXELS // len(times)))
+                advance((frame + 1) / len(times))
         opened.gpu.check("metering")
     radiance, weights = (np.concatenate(each) for each in zip(*frames, strict=True))
     exposure = metered_exposure(radiance, weights)

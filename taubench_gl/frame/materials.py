@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -18,9 +20,12 @@ from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shared import Held
 from taubench_gl.memory_budget import return_large_blocks
 from taubench_gl.scene.model import Material, Scene, Texture
+from taubench_gl.stage_log import lasting
 
 if TYPE_CHECKING:
     import moderngl
+
+log = logging.getLogger(__name__)
 
 SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
 """Texture slots of a material in binding order."""
@@ -211,10 +216,13 @@ class MaterialTable:
             self._held.append(shared.hold(scene.images[image], (TEXTURE, srgb), make))
             out[image, srgb] = self._held[-1].value
 
-        for image, pixels in decoded_images(scene, sorted({image for image, _ in missing})):
-            for srgb in (srgb for i, srgb in sorted(missing) if i == image):
-                hold(image, srgb, partial(self._texture, pixels, srgb, scene.images[image].name))
-            del pixels  # before the next one is waited for
+        images = sorted({image for image, _ in missing})
+        with lasting(log, "decoding %d images", len(images)) if images else nullcontext() as advance:
+            for number, (image, pixels) in enumerate(decoded_images(scene, images), start=1):
+                for srgb in (srgb for i, srgb in sorted(missing) if i == image):
+                    hold(image, srgb, partial(self._texture, pixels, srgb, scene.images[image].name))
+                del pixels  # before the next one is waited for
+                advance(number / len(images))
         for image, srgb in needed - missing:
             hold(image, srgb)
         return out
