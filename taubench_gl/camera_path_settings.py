@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from taubench_gl.fields import Checked, above_zero, one_of, setting
 
@@ -18,7 +17,7 @@ START, WORLD, NODE = "start", "world", "node:"
 class CameraPathSettings(Checked):
     """A recorded camera: its file, what the file leaves open, and the place of its path.  Raises SettingsError."""
 
-    camera_path: str | Path | None = setting(
+    camera_path: str | None = setting(
         None,
         "Play a recorded camera instead of that of the scene: TUM, KITTI, EuRoC, COLMAP images.txt, transforms.json, "
         "nerfstudio, Open3D, .chan, WebXR (iwer) or CSV (docs/camera-paths.md)",
