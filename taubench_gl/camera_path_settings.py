@@ -42,7 +42,7 @@ class CameraPathSettings(Checked):
     )
     camera_path_fps: float | None = setting(
         None,
-        "Samples per second of KITTI, COLMAP, transforms.json, Open3D and .chan",
+        "Samples per second of KITTI, COLMAP, transforms.json, Open3D, .chan; of CSV, units of its times per second",
         above_zero(),
         unit="1/s",
         selects=True,

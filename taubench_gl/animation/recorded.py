@@ -80,8 +80,8 @@ WEBXR = Format("WebXR (iwer)", "opengl", "+y", per_second=1e3)
 CSV, OWN = Format("CSV"), Format("columns of this package", "opengl", "+y")
 
 _QUATERNION = "(?:q|quat|quaternion|rot|rotation|orientation|qrs)"
-_POSITION, _ANGLES = "(?:p|t|pos|position|translation|prsr)?", "(?:r|rot|rotation|euler)"
-_TIME = re.compile(r"(?:time|timestamp|t)[\s_]*[\[(]?(s|ms|us|ns)?[\])]?")
+_POSITION, _ANGLES = "(?:p|t|pos|position|translation|prsr)", "(?:r|rot|rotation|euler)"
+_TIME = re.compile(r"(?:time|timestamp|t|frame)[\s_]*[\[(]?(s|ms|us|ns)?[\])]?")
 _SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
@@ -171,16 +171,20 @@ def _csv(lines: list[tuple[str, str]], choices: Choices) -> Poses:
         return tuple(found[letter] for letter in letters) if len(found) == len(letters) else ()
 
     format, turned = OWN if set(COLUMNS) <= names.keys() else EUROC if "qrsw" in names else CSV, None
-    rotation = columns(_QUATERNION, "xyzw")
+    bare = columns("", "xyzw")  # of a quaternion
+    rotation = columns(_QUATERNION, "xyzw") or bare
     if not rotation:
         angles = dict(zip(("rx", "ry", "rz"), columns(_ANGLES, "xyz"), strict=False))
         turned = _angles(choices, names | angles, lines[0][0])
     times = [(i, found[1]) for i, name in enumerate(header) if (found := _TIME.fullmatch(name))]
     if times and format is not EUROC:
-        if times[0][1] is None and format is not OWN:
-            raise SceneError("times have no unit", where=lines[0][0], hint="name the column time_s, time_ms or time_ns")
-        format = replace(format, per_second=_SECOND[times[0][1] or "s"])
-    position, heading = columns(_POSITION, "xyz"), turned is not None and "," in choices("order")
+        known = times[0][1] or ("s" if format is OWN else None)
+        unit = _SECOND[known] if known else choices("fps", "the unit of its times, how many make a second,")
+        format = replace(format, per_second=unit)
+    position, heading = (
+        columns(f"{_POSITION}{{1}}" if bare else f"{_POSITION}?", "xyz"),
+        turned is not None and "," in choices("order"),
+    )
     if heading:
         format = replace(format, axes="opengl", up=None if position else "+y")
     format = replace(format, position=position, rotation=rotation, width=len(header), scale=bool(position))

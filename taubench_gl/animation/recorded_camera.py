@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl import math3d
-from taubench_gl.animation.curves import segment, slerp
-from taubench_gl.animation.key_notes import frame_of_key
+from taubench_gl.animation.curves import key_tolerance, segment, slerp
 from taubench_gl.animation.recorded import Choices, Poses, read_poses
 from taubench_gl.animation.state import FrameState, View
 from taubench_gl.camera_path_settings import AXES, NODE, START, WORLD, CameraPathSettings
@@ -93,7 +93,7 @@ class RecordedCamera:
     def view_at(self, state: FrameState) -> View:
         """The view at ``state.time``."""
         path, lens = self.path, self.base.camera
-        i, j, u, _ = segment(path.times, state.time)
+        i, j, u, _ = segment(path.times, state.time, math.inf)  # samples are no keys of frames
         linear, shift = self._linear, self._shift
         if self.node is not None:
             world = state.world[self.node]
@@ -106,7 +106,8 @@ class RecordedCamera:
 
     def cut_frames(self, frames: range, fps: float) -> list[int]:
         """Those of ``frames`` in whose pair the camera jumps over missing samples."""
-        return sorted({frame_of_key(float(t), fps) for t in self.path.cuts} & set(frames[1:]))
+        jumps = {math.ceil((t - key_tolerance(t, math.inf)) * fps) for t in self.path.cuts.tolist()}
+        return sorted(jumps & set(frames[1:]))
 
     def notes(self, fps: float) -> list[str]:
         """What was read, and what to look at in a run at ``fps``."""

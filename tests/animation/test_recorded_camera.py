@@ -211,8 +211,19 @@ def test_csv_of_any_columns(tmp_path):
         del given[missing]
         with pytest.raises(SettingsError, match=f"--camera-path-{missing}"):
             read(tmp_path, text, **given)
-    with pytest.raises(SceneError, match="path:1"):
-        read(tmp_path, text.replace(" [ms]", ""), axes="opengl", up="+y")
+    bare = text.replace(" [ms]", "")
+    with pytest.raises(SettingsError, match="--camera-path-fps"):
+        read(tmp_path, bare, axes="opengl", up="+y")
+    assert read(tmp_path, bare, axes="opengl", up="+y", fps=1e7).times[-1] == pytest.approx(3e-5)  # ticks of .NET
+
+
+def test_csv_of_a_quaternion_alone_in_columns_w_x_y_z(tmp_path):
+    """As a public set of head motion has it: separated by spaces, without positions, numbered frames."""
+    rows = [(k + 1, 0, *q) for k, q in enumerate(TURNED.as_quat()[:, [3, 0, 1, 2]].tolist())]
+    path = read(tmp_path, "frame viewpoint w x y z\n" + lines(rows), axes="opengl", up="+y", fps=60.0)
+    off = Rotation.from_quat(path.rotation).inv() * TURNED
+    np.testing.assert_allclose(off.magnitude(), 0.0, atol=1e-12)
+    assert not np.any(path.position) and path.times[-1] == pytest.approx(3 / 60) and "no positions" in path.taken
 
 
 @pytest.mark.parametrize(
