@@ -10,10 +10,12 @@ import pytest
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, choose_camera, sample
 from taubench_gl.animation.views import camera_of_run
+from taubench_gl.batch.spec import read_spec
 from taubench_gl.datasets.stress import stress
 from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.activity import euler_yxz
 from taubench_gl.paths import PACKAGE
+from taubench_gl.pathtraced.evaluation import require_supported
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import SequenceSettings, Settings
 
@@ -120,3 +122,37 @@ def test_other_eye_of_the_scene_does_not_follow(tmp_path):
     scene, settings = load_scene(DEMO), Settings(camera_path=str(path), history="eye", other_eye=0)
     with pytest.raises(SettingsError):
         other_eye(scene, camera_of_run(scene, settings.sequence), settings)
+
+
+def test_batch_specs_name_the_file_relative_to_themselves(tmp_path):
+    jobs = []
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        write(tmp_path / folder / "head.csv", rows_of(np.arange(10) / 30))
+        spec = tmp_path / folder / "spec.toml"
+        spec.write_text(f'scenes = ["{DEMO}"]\ncamera-path = ["head.csv", "other.csv"]\ncamera-path-speed = 2\n')
+        jobs.append(read_spec(spec).jobs)
+        assert [job.settings.sequence.camera_path for job in jobs[-1]] == [
+            str(tmp_path / folder / name) for name in ("head.csv", "other.csv")
+        ]
+        assert jobs[-1][0].settings.sequence.camera_path_speed == 2.0
+    assert [job.id for job in jobs[0]] == [job.id for job in jobs[1]]  # the same on every machine
+
+
+def test_path_traced_files_have_their_own_camera(tmp_path):
+    with pytest.raises(SettingsError, match="camera path"):
+        require_supported("exr:frames", Settings(camera_path="head.csv"))
+
+
+def test_exposure_is_metered_along_the_recorded_camera_once(tmp_path, monkeypatch):
+    """The key of a stored exposure holds the path and its place: another path has another exposure."""
+    from taubench_gl.evaluation import exposure
+
+    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+    scene, settings, files = load_scene(DEMO), Settings(environment="none"), set()
+    for degrees, place in ((1.0, "start"), (2.0, "start"), (1.0, "world"), (1.0, "start")):
+        path = write(tmp_path / "head.csv", rows_of(np.arange(10) / 30, degrees))
+        camera = camera_of_run(scene, SequenceSettings(camera_path=str(path), camera_path_place=place))
+        files.add(exposure._cache_file(scene, exposure._metering(settings), camera))
+        assert exposure._times(scene, camera)[-1] == camera.duration
+    assert len(files) == 3 and None not in files
