@@ -244,7 +244,7 @@ def evaluate_methods(
     if kind.files is not None:
         if not isinstance(scene, Scene):
             scene = load_scene(scene, **settings.sequence.reading)
-        camera = camera or camera_of_run(scene, settings.sequence)
+        camera = camera or camera_of_run(scene, settings.sequence, settings.metrics.unit_scale)
         settings, reasons = as_rendered(settings), {}
     else:
         # Images need their exposure whatever the columns.
