@@ -131,6 +131,9 @@ class TrainingOptions(Checked):
 
 NO_TRAINING = TrainingOptions()
 
+LEARNING = ("nss", "noisebase")
+"""Formats of an export that are data for learning: noisy and clean light."""
+
 
 @dataclass(frozen=True, slots=True)
 class ExportOptions(Checked):
@@ -140,8 +143,9 @@ class ExportOptions(Checked):
 
     format: str = setting(
         "exr",
-        "exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout",
-        one_of(("exr", "npz", "zarr", "sintel")),
+        "exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout.  "
+        "nss: data of ng-model-gym for super sampling.  noisebase: data of noisebase for denoising",
+        one_of(("exr", "npz", "zarr", "sintel", *LEARNING)),
         short=True,
     )
     channels: tuple[str, ...] = setting(
@@ -163,6 +167,9 @@ class ExportOptions(Checked):
         Checked.__post_init__(self)
         if self.training.wanted and self.format == "sintel":
             raise SettingsError("light for training is no part of the Sintel layout", hint="give another --format")
+        if self.format in LEARNING and None in (self.training.input, self.training.reference):
+            hint = "give --input and --reference, see docs/export.md"
+            raise SettingsError(f"format {self.format} needs noisy and clean light", hint=hint)
 
 
 @dataclass(frozen=True, slots=True)
