@@ -43,7 +43,7 @@ def read(folder: Path) -> dict:
         "windows": [[start, stop] for _, start, stop in dataset.frame_indexes],
         "shapes": {name: list(values.shape) for name, values in inputs.items()} | {"truth": list(truth.shape)},
         "health": health, "warped": warped, "unwarped": unwarped, "swapped": swapped,
-        "colour_is_exposed": float(inputs["colour"].mean() / truth.mean()),
+        "light": float(inputs["colour_linear"].mean() / inputs["ground_truth_linear"].mean()),
         "exposure": float(inputs["exposure"].mean()),
     }  # fmt: skip
 

@@ -42,9 +42,9 @@ def test_ng_model_gym_reads_and_warps(exports, tmp_path):
     for kind, found in zip(STEPS, read, strict=True):
         assert found["health"] is None and found["windows"] == [[0, 3], [1, 4], [2, 5]]
         width, height = SIZES["nss"][kind]
-        assert found["shapes"]["colour"] == [3, 3, height // 2, width // 2]
+        assert found["shapes"]["colour_linear"] == [3, 3, height // 2, width // 2]
         assert found["shapes"]["truth"] == [3, 3, height, width]
-        assert found["exposure"] == 1.0 and found["colour_is_exposed"] == pytest.approx(1.0, abs=0.1)
+        assert found["exposure"] == 1.0 and found["light"] == pytest.approx(1.0, abs=0.1)
         for warped, unwarped, swapped in zip(found["warped"], found["unwarped"], found["swapped"], strict=True):
             assert warped > unwarped + 3 and warped > swapped + 3
 
