@@ -167,9 +167,6 @@ class ExportOptions(Checked):
         Checked.__post_init__(self)
         if self.training.wanted and self.format == "sintel":
             raise SettingsError("light for training is no part of the Sintel layout", hint="give another --format")
-        if self.format in LEARNING and None in (self.training.input, self.training.reference):
-            hint = "give --input and --reference, see docs/export.md"
-            raise SettingsError(f"format {self.format} needs noisy and clean light", hint=hint)
 
 
 @dataclass(frozen=True, slots=True)

@@ -110,6 +110,9 @@ def export_scene(
         raise SettingsError(message, hint="leave samples_per_pixel and pairs out")
     if settings.metrics.history != "frame" and (options.format in LEARNING or not settings.metrics.stereo):
         raise SettingsError("this format has one history", hint="give --history frame, or eye", setting="history")
+    if options.format in LEARNING and None in (options.training.input, options.training.reference):
+        hint = "give --input and --reference, see docs/export.md"
+        raise SettingsError(f"format {options.format} needs noisy and clean light", hint=hint)
     control = (overwrite, progress, announce or (lambda line: None))
     if settings.metrics.stereo:
         return _export_eyes(scene, out, settings, options, control)

@@ -8,6 +8,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from export_tools import DEMO
 from learning_scenes import NEAR, STEPS, WALL, YFOV, moving, pose, previous_pixels, read_safetensors, settings
 
 from taubench_gl.errors import OutputError, SettingsError
@@ -223,6 +224,17 @@ def test_what_these_formats_do_not_have(tmp_path, format, light, more):
     with pytest.raises(SettingsError):
         export_scene(moving("pan"), tmp_path, settings((32, 18)).replace(**more), ExportOptions(format, training=light))
     assert not list(tmp_path.glob("*.safetensors")) and not list(tmp_path.glob("*.zip"))
+
+
+def test_the_command_writes_them(taubench, tmp_path, fixed_light):
+    common = ("--size", "32x18", "--frames", "0:3", "--indirect", "none")
+    light = ("--input", "jittered+upscale@2", "--reference", "max", "--reference-samples", "1")
+    code, _, err = taubench("export", DEMO, "--out", tmp_path / "nss", "--format", "nss", *light, *common)
+    assert code == 0, err
+    found, text = tensors(tmp_path / "nss")
+    assert found["colour_linear"].shape == (3, 3, 9, 16) and text["Length"] == "3"
+    code, _, err = taubench("export", DEMO, "--out", tmp_path / "no", "--format", "noisebase", *common)
+    assert code == 2 and "--reference" in err and not (tmp_path / "no").exists()
 
 
 # ------------------------------------------------------------------------------------------------------------- inspect
