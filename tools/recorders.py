@@ -295,7 +295,7 @@ def light_samples(work: Path) -> None:
         for label in methods[1:]:
             rays, base = (of[m]["samples"]["per_pixel"]["shadow_rays"] for m in (label, methods[0]))
             gain = student_interval(np.log(errors[methods[0]] / errors[label] * base / rays))
-            low, mean, high = (number(float(np.exp(v)), 1) for v in (gain.low, gain.estimate, gain.high))
+            low, mean, high = (number(float(np.exp(v)), 2) for v in (gain.low, gain.estimate, gain.high))
             bias = number(of[label]["samples"]["bias"]["percent"], 1)
             cells.append(f"{number(rays / base, 1)}: {mean} ({low} to {high}), {bias} %")
         rows.append([title, *cells])

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
+from taubench_gl.effects.census import census
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.evaluation import plan_scene
@@ -48,6 +49,7 @@ from taubench_gl.reuse.references import (
     SupersampledReference,
     reference_samples,
 )
+from taubench_gl.reuse.response import EVENTS, EventTracker
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.sample_rays import REASONS, SampleRays
 from taubench_gl.reuse.samples import SampleRecord, light_colors, outcome_colors
@@ -396,6 +398,7 @@ class _Evaluator:
             self._reference = owner.own(SupersampledReference(of_camera, request.reference_samples))
         else:
             self._reference = FileReference(inputs, request.reference, self._inputs.output_size, self.frames)
+        self._events = EventTracker({} if inputs.scene is None else self._light_changes())
         for run in self.runs:
             owner.own(run)
         self._open_runners(self.seeds[0])
@@ -423,6 +426,12 @@ class _Evaluator:
         if len(self.frames) <= self._request.warmup:
             message = f"warmup is {self._request.warmup}, and there are {len(self.frames)} frames"
             raise SettingsError(message, hint="select more --frames or a smaller --warmup")
+
+    def _light_changes(self) -> dict[str, list[int]]:
+        """Numbers of lights that are born, moved and killed from each frame to the next."""
+        request = self._input_request
+        times = (frame / self._settings.sequence.fps for frame in self.frames)
+        return census(request.scene, times, request.animated.poser)["lights_per_frame"]
 
     def _open_inputs(self) -> None:
         request = self._input_request
@@ -460,6 +469,7 @@ class _Evaluator:
                 self._inputs.begin(seed)
                 self._open_runners(seed)
             previous: Displayed | None = None
+            self._events.begin()
             for run in self.runs:
                 run.record.begin(seed)
                 if run.samples is not None:
@@ -547,8 +557,9 @@ class _Evaluator:
         halves = None if known.halves is None else tuple(np.where(valid[..., None], half, 0.0) for half in known.halves)
         classes = classify(mask)
         reference = FrameTruth(
-            frame, image, previous, mask, classes, motion, self._gain, emitters=known.emitters, halves=halves
-        )
+            frame, image, previous, mask, classes, motion, self._gain, emitters=known.emitters, halves=halves,
+            events=self._events.advance(mask, motion),
+        )  # fmt: skip
         if halves is not None and not repetition:
             self._noise.append(half_noise(*halves, self._settings.lighting.tone_map, reference.scored))
         return reference
@@ -613,6 +624,7 @@ class _Evaluator:
             "mask_source": self._mask_source,
             "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
+            "events": {name: doc for name, (*_, doc) in EVENTS.items()},
             "clock": clock,
             "methods": {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs},
         } | self._sample_reasons()  # fmt: skip

@@ -13,6 +13,7 @@ from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.bound import EXACT, NO_HISTORY, Blended, BoundRecord, bound_of_frame
 from taubench_gl.reuse.perceptual import LPIPS_SIDE, Perceptual, to_8_bit
+from taubench_gl.reuse.response import ResponseRecord
 
 Array = np.ndarray
 
@@ -120,6 +121,7 @@ class FrameTruth:
     gain: float | None = 1.0  # of ``relmse_trimmed``, one for the evaluation; None: the first reference is black
     emitters: Array | None = None  # (h, w) bool: the visible surface emits; None: none does, or it is not known
     halves: tuple[Array, Array] | None = None  # (h, w, 3) linear radiance of two independent halves of the reference
+    events: Array | None = None  # (h, w) int of ``EventTracker``
 
     @cached_property
     def scored(self) -> Array:
@@ -147,6 +149,7 @@ class MethodRecord:
     counted: list[dict[str, Any]] = field(default_factory=list)  # the rows that means are over
     classes: ClassErrors = field(default_factory=ClassErrors)
     bounds: BoundRecord = field(default_factory=BoundRecord)
+    responses: ResponseRecord = field(default_factory=ResponseRecord)
     failed: str | None = None
     _seed: int = 0
     _index: int = 0
@@ -160,6 +163,7 @@ class MethodRecord:
         """The next frame is the first of the sequence of ``seed``."""
         self._seed, self._index, self._previous = seed, 0, None
         self._video.clear()
+        self.responses.begin()
 
     def end(self) -> None:
         """The sequence of a seed is complete: measures of whole sequences go into all its counted rows."""
@@ -195,6 +199,8 @@ class MethodRecord:
         if reference.halves is not None:
             first, second = (np.where(valid[..., None], half, 0.0) for half in reference.halves)
             errors["linear_mse"] = quality.independent_squared_error(shown.radiance, first, second)
+        if reference.events is not None:
+            self.responses.add(np.where(reference.scored, reference.events, -1), errors["linear_mse"])
         counted = self._index >= self.warmup
         row: dict[str, Any] = dict.fromkeys(ROW_COLUMNS)
         row |= {"seed": self._seed, "frame": reference.frame, "method": self.label, "time_ms": time_ms}
@@ -296,6 +302,7 @@ class MethodRecord:
             "tail_percent": {n: 100.0 * float(s[0] / s[1]) if s[1] > 0 else None for n, s in self._tails.items()},
             "emitters": {"percent": _mean(rows, "emitter_percent"), "linear_mse": _mean(rows, "emitter_linear_mse")},
             "bound": bound,
+            "response": self.responses.summary(),
             "classes": self.classes.summary(),
             "time_ms": statistics.median(times) if times else None,
             "invalid_pixels": sum(row["invalid_pixels"] for row in self.rows),
