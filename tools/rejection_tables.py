@@ -173,7 +173,8 @@ def images_table(results: Results) -> str:
 def gate_points(results: Results, name: str) -> dict[str, dict[str, Any]]:
     """Of each test of GATES: its recall, and the samples of both combinations by name; and those without history."""
     scores, images = results.gates(name)
-    samples = {label: method["samples"] for label, method in images["methods"].items()}
+    methods = images["methods"].items()
+    samples = {label: m["samples"] | {"variance": m["error_parts"]["variance"]["mean"]} for label, m in methods}
     points = {"no history": {"recall": None, "unbiased": samples[NO_HISTORY]}}
     for test in GATES:
         recall = scores["tests"][test.partition("=")[0]]["scores"]["visibility"]["recall"]
@@ -221,7 +222,7 @@ def gates_figure(results: Results, path: Path) -> None:
                                 markerfacecolor=face or style["color"], **style)  # fmt: skip
         top.set(ylim=(0, None))
         bottom.set_xlabel("recall of the test")
-    above[0].set_ylabel("variance of luminance")
+    above[0].set_ylabel("variance of linear radiance")
     below[0].set_ylabel("bias, % of the light\n(open: unbiased, filled: biased)")
     plot.legend(above[-1])
     plot.save(path)

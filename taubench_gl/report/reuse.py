@@ -118,6 +118,7 @@ def reuse_tables(summary: Summary) -> list[Table]:
         + _linear_table(summary)
         + sample_tables(valid_methods(summary), summary.get("sample_reasons", {}))
         + _response_table(summary)
+        + _parts_table(summary)
     )
     return tables + comparison_tables(summary) + further
 
@@ -134,6 +135,21 @@ def _response_table(summary: Summary) -> list[Table]:
     meaning = "; ".join(f"{name.replace('_', ' ')}: {doc}" for name, doc in summary.get("events", {}).items())
     notes = (_RESPONSE_NOTE, f"{meaning}.", *notes)
     return [Table(11, "Response time", tuple(_RESPONSE.values()), tuple(rows), notes)] if rows else []
+
+
+def _parts_table(summary: Summary) -> list[Table]:
+    """Squared bias and variance of every method; none without seeds."""
+    parts = {label: m["error_parts"] for label, m in valid_methods(summary).items() if m.get("error_parts")}
+    names = {"bias_squared": "squared bias", "variance": "variance"}
+    columns = [Column(f"{title}{end}", "", 6) for title in names.values() for end in ("", ", low", ", high")]
+    rows = [
+        Row(label, tuple(of[n][end] for n in names for end in ("mean", "low", "high"))) for label, of in parts.items()
+    ]
+    note = (
+        "Squared error of linear radiance, apart: variance over seeds, and the rest, the squared bias. 95 % interval "
+        "over frames; a small squared bias can be below 0 by noise."
+    )
+    return [Table(12, "Bias and variance", tuple(columns), tuple(rows), (note,))] if rows else []
 
 
 def mean_response(summary: Summary) -> Table:

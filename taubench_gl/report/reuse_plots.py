@@ -15,7 +15,7 @@ from taubench_gl.report.reuse import LABELS, class_label, mean_over_seeds, valid
 
 Summary = Mapping[str, Any]
 
-PLOTS = ("frames", "classes", "time", "convergence", "response")
+PLOTS = ("frames", "classes", "time", "convergence", "response", "equal_rays", "equal_time")
 """Names of the plots of an evaluation, without suffix."""
 
 
@@ -26,7 +26,7 @@ def plot_reuse(summary: Summary, rows: Sequence[Mapping[str, Any]], folder: Path
     measure = "flip" if any(row["flip"] is not None for row in rows) else "relmse"
     plots = (
         _frames(summary, rows, measure), _classes(summary, measure), _time(summary, measure), _convergence(summary),
-        _response(summary),
+        _response(summary), _equal_cost(summary, "shadow rays a pixel"), _equal_cost(summary, "ms a frame"),
     )  # fmt: skip
     return [
         path
@@ -169,6 +169,30 @@ def _response(summary: Summary) -> Plot | None:
             axes.plot(ages, curve[ages], linewidth=1.7, label=label, **styles[label].curve)
         axes.set(yscale="log", ylabel="squared error, linear radiance", xlabel="frames since the event")
         plot.title(axes, _title(summary, f"Response, {event.replace('_', ' ')}"))
+    plot.legend(plot.axes)
+    return plot
+
+
+def _equal_cost(summary: Summary, unit: str) -> Plot | None:
+    """Error at equal cost: the mean of n independent runs costs n times as much and has a variance of 1 / n.
+
+    ``unit``: of the cost, shadow rays or time; no curve for a method without it.
+    """
+    curves = {}
+    for label, method in valid_methods(summary).items():
+        rays = ((method.get("samples") or {}).get("per_pixel") or {}).get("shadow_rays")
+        cost, parts = rays if "rays" in unit else method["time_ms"], method.get("error_parts")
+        if cost and parts and parts["variance"]["mean"] > 0:
+            curves[label] = cost, max(parts["bias_squared"]["mean"], 0.0), parts["variance"]["mean"]
+    if not curves:
+        return None
+    plot, styles = Plot(_title(summary, "Error at equal cost")), method_styles(curves)
+    most = 16.0 * max(cost for cost, *_ in curves.values())
+    for label, (cost, bias, variance) in curves.items():
+        budget = np.geomspace(cost, most, 64)
+        plot.axes.plot(budget, bias + variance * cost / budget, linewidth=1.7, label=label, **styles[label].curve)
+    label = "squared error of the mean of independent runs, linear radiance"
+    plot.axes.set(xscale="log", yscale="log", xlabel=unit, ylabel=label)
     plot.legend(plot.axes)
     return plot
 

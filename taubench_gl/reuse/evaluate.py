@@ -74,7 +74,8 @@ _EVALUATION_READS = ("mask", "motion", "exact_mask")
 """The input that the evaluation itself provides: what methods are compared with."""
 
 KEPT_REFERENCE_BYTES = 1 << 31
-"""Reference images, and exact masks, are kept in memory for further seeds up to this size, else made again."""
+"""Reference images, and exact masks, are kept in memory for further seeds up to this size, else made again; sums of the
+errors of all methods up to this size, else those of fewer frames."""
 
 _EXACT_BYTES = 12
 """Bytes of the exact mask and motion of one pixel."""
@@ -377,6 +378,8 @@ class _Evaluator:
         perceptual = open_perceptual(request.metrics, inputs.settings.sequence.fps)
         records = (MethodRecord(s.label, frozenset(request.metrics), True, request.warmup, perceptual) for s in specs)
         self.runs = [_MethodRun(spec, record) for spec, record in zip(specs, records, strict=True)]
+        for run in self.runs if request.seeds > 1 else ():
+            run.record.parts.most_bytes = KEPT_REFERENCE_BYTES // len(self.runs)
         for run in self.runs:
             with run.isolated():
                 run.load()

@@ -42,7 +42,6 @@ MIN_AGES = 8
 DRAWS = 199
 """Bootstrap draws of seeds for an interval."""
 
-NO_EVENT = "no such event"
 TOO_SHORT = f"no such event is followed for {MIN_AGES} frames"
 NOT_REACHED = "not reached in the first half of the frames after it; the last quarter gives the noise floor"
 

@@ -12,6 +12,7 @@ import numpy as np
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.bound import EXACT, NO_HISTORY, Blended, BoundRecord, bound_of_frame
+from taubench_gl.reuse.comparison import over_frames
 from taubench_gl.reuse.perceptual import LPIPS_SIDE, Perceptual, to_8_bit
 from taubench_gl.reuse.response import ResponseRecord
 
@@ -86,6 +87,44 @@ class ClassErrors:
         return out
 
 
+@dataclass(slots=True)
+class ErrorParts:
+    """Squared error of linear radiance, of every counted frame, apart: variance over seeds, and squared bias.
+
+    ``most_bytes``: of the sums of images that are kept; frames beyond it are left out.
+    """
+
+    most_bytes: int = 0
+    _errors: dict[int, Array] = field(default_factory=dict)  # by frame: sum over seeds of the error of every pixel
+    _squares: dict[int, list[tuple[float, float]]] = field(default_factory=dict)  # and of each seed the mean squares
+
+    def add(self, frame: int, error: Array, linear_mse: float) -> None:
+        """Add the next seed of a frame: ``error`` (n, 3) of its pixels, and ``linear_mse`` without the noise of the
+        reference."""
+        if frame not in self._errors:
+            if (len(self._errors) + 1) * error.nbytes > self.most_bytes:
+                return
+            self._errors[frame], self._squares[frame] = np.zeros_like(error), []
+        self._errors[frame] += error
+        self._squares[frame].append((linear_mse, float(np.mean(error**2, dtype=np.float64))))
+
+    def summary(self) -> dict[str, Any] | None:
+        """The block ``error_parts`` of reuse.json, intervals over frames; None for one seed."""
+        table = []
+        for frame, squares in self._squares.items():
+            if (n := len(squares)) > 1:
+                mse, square = np.mean(squares, axis=0)
+                mean_square = float(np.mean((self._errors[frame] / n) ** 2, dtype=np.float64))
+                table.append((mse, (square - mean_square) * n / (n - 1)))
+        if not table:
+            return None
+        out: dict[str, Any] = {"frames": len(table)}
+        for name, part in (("variance", lambda m: m[..., 1]), ("bias_squared", lambda m: m[..., 0] - m[..., 1])):
+            ends = over_frames(np.array(table), part, part(np.array(table)))
+            out[name] = {"mean": float(part(np.mean(table, axis=0))), "low": ends["low"], "high": ends["high"]}
+        return out
+
+
 @dataclass(frozen=True, slots=True)
 class Displayed:
     """One image: linear radiance and display colors, (h, w, 3), finite."""
@@ -150,6 +189,7 @@ class MethodRecord:
     classes: ClassErrors = field(default_factory=ClassErrors)
     bounds: BoundRecord = field(default_factory=BoundRecord)
     responses: ResponseRecord = field(default_factory=ResponseRecord)
+    parts: ErrorParts = field(default_factory=ErrorParts)
     failed: str | None = None
     _seed: int = 0
     _index: int = 0
@@ -220,6 +260,8 @@ class MethodRecord:
         if counted:
             if row["relmse"] is not None:  # not black against black
                 self._mse.append(float(errors["mse"].mean()))
+                error = (shown.radiance - expected.radiance)[reference.scored]
+                self.parts.add(reference.frame, error, row["linear_mse"])
                 self.classes.add(reference.classes, errors, reference.scored)
                 for name, sums in tails.items():
                     self._tails[name] = self._tails.get(name, 0.0) + np.array(sums)
@@ -303,6 +345,7 @@ class MethodRecord:
             "emitters": {"percent": _mean(rows, "emitter_percent"), "linear_mse": _mean(rows, "emitter_linear_mse")},
             "bound": bound,
             "response": self.responses.summary(),
+            "error_parts": self.parts.summary(),
             "classes": self.classes.summary(),
             "time_ms": statistics.median(times) if times else None,
             "invalid_pixels": sum(row["invalid_pixels"] for row in self.rows),
