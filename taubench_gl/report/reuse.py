@@ -110,6 +110,8 @@ def reuse_tables(summary: Summary) -> list[Table]:
     tables.append(Table(2, "Reuse, time and memory", columns, rows, (clock, _class_source(summary))))
     tables.append(_class_table(summary))
     rows = tuple(_row(label, method, "bound", _BOUND, "bound.") for label, method in methods)
+    eyes = [(label, method) for label, method in methods if method.get("eye_bound")]
+    rows += tuple(_row(f"{label}, other eye", method, "eye_bound", _BOUND) for label, method in eyes)
     tables.append(
         Table(4, "Bound and headroom", tuple(_BOUND.values()), rows, (_BOUND_NOTE, *_headroom_texts(summary)))
     )

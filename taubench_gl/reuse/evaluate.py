@@ -34,9 +34,9 @@ from taubench_gl.reuse.chain import LINK
 from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method, Value
 from taubench_gl.reuse.file_inputs import FileInputs
-from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.frame import EYE_INPUTS, FrameInputs, read_result
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import FrameRequest, Inputs, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, Inputs, OtherEye, RasterInputs
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.perceptual import open_perceptual
 from taubench_gl.reuse.quality import MEASURES, WHITE, display, fixed_gain, half_noise, psnr, reusable, warp_error
@@ -241,9 +241,9 @@ def evaluate_methods(
     _check_labels([spec.label for spec in specs])
     options.check(settings.lighting.seed)
     kind = options.kind(settings.lighting.seed)
-    if settings.metrics.history == "both" or (settings.metrics.stereo and kind.files is not None):
-        what = f"methods have no history {settings.metrics.history}" + " in files" * (kind.files is not None)
-        raise SettingsError(what, hint="give --history frame, or eye for a rendered scene", setting="history")
+    if settings.metrics.history != "frame" and kind.files is not None:
+        what = f"methods have no history {settings.metrics.history} in files"
+        raise SettingsError(what, hint="give --history frame, or a rendered scene", setting="history")
     if kind.files is not None:
         if not isinstance(scene, Scene):
             scene = load_scene(scene, **settings.sequence.reading)
@@ -300,6 +300,7 @@ class _MethodRun:
         default_factory=lambda: {"title": None, "cite": [], "yardstick": None, "settings": None, "memory_bytes": None}
     )
     runner: MethodRunner | RecordedRunner | None = None
+    eye: MethodRunner | None = None  # of the other eye, of a method that asks for both histories
     samples: SampleRecord | None = None  # of a method that samples lights
 
     @contextmanager
@@ -326,6 +327,8 @@ class _MethodRun:
         gpu, size, method = inputs.gpu, inputs.output_size, self.method
         if isinstance(self.runner, MethodRunner):
             self.runner.reset()
+            if self.eye is not None:
+                self.eye.reset()
             return
         if isinstance(method, RecordedFrames):
             self.release()
@@ -336,22 +339,31 @@ class _MethodRun:
             self.runner = MethodRunner(
                 gpu, method, size, values, input_size=inputs.size, timer=timer, count=method.own_light
             )
+            if self.asks_for_eye and inputs.settings.metrics.history == "both":
+                self.eye = MethodRunner(gpu, method, size, values, input_size=inputs.size)
             if method.own_light and size == inputs.size:
                 exposure = inputs.settings.lighting.exposure_factor
                 self.samples = self.samples or SampleRecord(self.record.warmup, exposure)
         self.entry |= {"settings": dict(self.runner.values), "memory_bytes": self.runner.bytes}
 
-    def step(self, inputs: FrameInputs) -> _Stepped:
-        """Run the method for one frame.  Raises MethodError."""
+    @property
+    def asks_for_eye(self) -> bool:
+        return isinstance(self.method, Method) and bool({*EYE_INPUTS} & {*self.method.reads})
+
+    def step(self, inputs: FrameInputs, eye: FrameInputs | None = None) -> _Stepped:
+        """Run the method for one frame, first in the other eye where it asks for it.  Raises MethodError."""
+        if self.eye is not None and eye is not None:
+            inputs = replace(inputs, textures={**inputs.textures, "eye_result": self.eye.step(eye)})
         result = read_result(self.runner.step(inputs))
         counts = None if self.samples is None else self.runner.light_counts()
         return _Stepped(result, self.runner.reported(inputs), counts)
 
     def release(self) -> None:
         """Free the runner, after which the method takes no part in later frames."""
-        if self.runner is not None:
-            self.runner.release()
-            self.runner = None
+        for runner in (self.runner, self.eye):
+            if runner is not None:
+                runner.release()
+        self.runner = self.eye = None
 
 
 class _Evaluator:
@@ -445,7 +457,12 @@ class _Evaluator:
         else:
             exact = self._reference if request.kind.path_samples else True
             inputs = RasterInputs(request, reads, cuts=cuts, exact=exact)
-        self._inputs = self._owner.own(inputs)
+        self._inputs, self._eye = self._owner.own(inputs), None
+        if self._settings.metrics.history == "both":
+            if not any(run.asks_for_eye for run in self.runs):
+                what = "no method reads eye_motion, eye_mask or eye_result"
+                raise SettingsError(what, hint="give --history frame or eye", setting="history")
+            self._eye = self._owner.own(OtherEye(inputs, cuts))
         self.frames = inputs.frames
         width, height = inputs.output_size
         kept = _EXACT_BYTES * width * height * len(self.frames)
@@ -470,6 +487,8 @@ class _Evaluator:
         for repetition, seed in enumerate(self.seeds):
             if repetition:
                 self._inputs.begin(seed)
+                if self._eye is not None:
+                    self._eye.begin()
                 self._open_runners(seed)
             previous: Displayed | None = None
             self._events.begin()
@@ -499,19 +518,24 @@ class _Evaluator:
         """
         if self._inputs.stereo:
             self._step_all(self._inputs.advance_eye(frame), turn)
+        eye = None if self._eye is None else self._eye.advance(frame)
         inputs = self._inputs.advance(frame)
+        if eye is not None:
+            inputs = self._eye.beside(inputs, eye)
         shading = self._inputs.shading_ms()
         if shading is not None and turn:
             self._shading.append(shading)
         reference = self._frame_reference(frame, inputs, previous, repetition)
-        outputs = self._step_all(self._with_reference(inputs, reference), turn)
+        outputs = self._step_all(self._with_reference(inputs, reference), turn, eye)
         curve, radiance = self._settings.lighting.tone_map, read_result(inputs.textures["radiance"])
         images, errors, rows, maps, linear = {}, {}, {}, {}, {"input": radiance[..., :3]}
         for run in self.running:
             label, result = run.spec.label, outputs[run.spec.label].result
-            blended = Blended.of(radiance, outputs[label].reported)
+            blended, of_eye = (
+                Blended.of(radiance, outputs[label].reported, name) for name in ("reprojected_history", "eye_history")
+            )
             maps |= self._samples(run, inputs, outputs[label], reference)
-            images[label], errors[label] = run.record.add(reference, result, curve, run.runner.time_ms, blended)
+            images[label], errors[label] = run.record.add(reference, result, curve, run.runner.time_ms, blended, of_eye)
             rows[label], linear[label] = run.record.rows[-1], result[..., :3]
         shown = display(np.nan_to_num(_nearest(radiance[..., :3], self._inputs.output_size)), curve)
         return EvaluatedFrame(
@@ -583,13 +607,14 @@ class _Evaluator:
         write_channel(self._reference_texture, REFERENCE_INPUT, image)
         return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
 
-    def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, _Stepped]:
-        """Run all methods for one frame, by label.  The order rotates by one method per frame."""
+    def _step_all(self, inputs: FrameInputs, turn: int, eye: FrameInputs | None = None) -> dict[str, _Stepped]:
+        """Run all methods for one frame, by label.  The order rotates by one method per frame.  ``eye``: the other
+        eye, for methods that ask for both histories."""
         runs, out = self.running, {}
         shift = turn % len(runs)
         for run in runs[shift:] + runs[:shift]:
             with run.isolated():
-                out[run.spec.label] = run.step(inputs)
+                out[run.spec.label] = run.step(inputs, eye)
         return out
 
     @property

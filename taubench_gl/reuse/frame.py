@@ -76,6 +76,12 @@ INPUTS: dict[str, InputInfo] = {
             "reference", 4, "f4", RADIANCE_UNIT,
             "rgb: the reference image, linear, exposure applied; a: 1 where it is finite: unknown to a renderer",
         ),
+        InputInfo("eye_motion", 2, "f4", "px", "with history both: as motion, to the surface in the other eye, now"),
+        InputInfo("eye_mask", 1, "u4", "bits", "with history both: as mask, of the other eye; FIRST in that eye"),
+        InputInfo(
+            "eye_result", 4, "f4", RADIANCE_UNIT,
+            "with history both: the method's own result in the other eye, now; undefined in that eye",
+        ),
         InputInfo(
             "diffuse", 4, "f4", RADIANCE_UNIT,
             "rgb: diffuse lobe of direct and indirect light, with the color of the surface, exposure applied; 0 for "
@@ -135,6 +141,9 @@ RESERVED_INPUTS = frozenset(
 )
 """Names that no history, buffer or setting can have.  Later inputs are not reserved where they are not read."""
 
+EYE_INPUTS = ("eye_motion", "eye_mask", "eye_result")
+"""Inputs of a method that asks for both histories, of the last frame and of the other eye."""
+
 FAR_AWAY_PX = 1.0e6
 """``motion`` of points behind the previous camera."""
 
@@ -193,7 +202,9 @@ def frame_arrays(frame: FrameInputs, reads: tuple[str, ...], has_history: bool) 
     ``prev_clip_from_prev`` (4, 4) and ``camera_delta`` (3,), float64; ``pair`` (Reprojection), ``view``,
     ``prev_view`` (View).
     """
-    arrays: dict[str, Any] = {name: np.ascontiguousarray(read_channel(frame.textures[name], name)) for name in reads}
+    arrays: dict[str, Any] = {
+        name: np.ascontiguousarray(read_channel(frame.textures[name], name.removeprefix("eye_"))) for name in reads
+    }
     return arrays | {
         "index": frame.index,
         "time": frame.time,

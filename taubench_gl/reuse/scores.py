@@ -188,6 +188,7 @@ class MethodRecord:
     counted: list[dict[str, Any]] = field(default_factory=list)  # the rows that means are over
     classes: ClassErrors = field(default_factory=ClassErrors)
     bounds: BoundRecord = field(default_factory=BoundRecord)
+    eye_bounds: BoundRecord = field(default_factory=BoundRecord)
     responses: ResponseRecord = field(default_factory=ResponseRecord)
     parts: ErrorParts = field(default_factory=ErrorParts)
     failed: str | None = None
@@ -225,8 +226,10 @@ class MethodRecord:
         curve: str,
         time_ms: float | None,
         blended: Blended | None = None,
+        of_eye: Blended | None = None,
     ) -> tuple[Array, Array]:
-        """Evaluate one frame.  ``result`` (h, w, 4): radiance and weight of history; ``blended``: what it blended.
+        """Evaluate one frame.  ``result`` (h, w, 4): radiance and weight of history; ``blended``: what it blended;
+        ``of_eye``: with the other eye.
 
         -> display colors (h, w, 3) and an error map (h, w) in [0, 1]: FLIP, or without it 4 |error|.
         """
@@ -253,6 +256,9 @@ class MethodRecord:
             row |= bound.row
             if counted:
                 self.bounds.seeds.setdefault(self._seed, []).append(bound)
+        if of_eye is not None and counted:
+            bound = bound_of_frame(of_eye, result, expected.radiance, valid, reference.emitters)
+            self.eye_bounds.seeds.setdefault(self._seed, []).append(bound)
         if self._previous is not None:  # the first frame has no history
             allowed = quality.reusable(reference.mask)
             row |= self._temporal(shown, expected, reference, allowed, counted)
@@ -344,6 +350,7 @@ class MethodRecord:
             "tail_percent": {n: 100.0 * float(s[0] / s[1]) if s[1] > 0 else None for n, s in self._tails.items()},
             "emitters": {"percent": _mean(rows, "emitter_percent"), "linear_mse": _mean(rows, "emitter_linear_mse")},
             "bound": bound,
+            "eye_bound": self.eye_bounds.summary(),
             "response": self.responses.summary(),
             "error_parts": self.parts.summary(),
             "classes": self.classes.summary(),
