@@ -186,13 +186,12 @@ def _equal_cost(summary: Summary, unit: str) -> Plot | None:
             curves[label] = cost, max(parts["bias_squared"]["mean"], 0.0), parts["variance"]["mean"]
     if not curves:
         return None
-    plot, styles = Plot(_title(summary, "Error at equal cost")), method_styles(curves)
-    most = 16.0 * max(cost for cost, *_ in curves.values())
+    plot, styles = Plot(_title(summary, "Mean of independent runs at equal cost")), method_styles(curves)
+    most = 100.0 * max(cost for cost, *_ in curves.values())
     for label, (cost, bias, variance) in curves.items():
         budget = np.geomspace(cost, most, 64)
         plot.axes.plot(budget, bias + variance * cost / budget, linewidth=1.7, label=label, **styles[label].curve)
-    label = "squared error of the mean of independent runs, linear radiance"
-    plot.axes.set(xscale="log", yscale="log", xlabel=unit, ylabel=label)
+    plot.axes.set(xscale="log", yscale="log", xlabel=unit, ylabel="squared error, linear radiance")
     plot.legend(plot.axes)
     return plot
 

@@ -584,9 +584,9 @@ class _Evaluator:
         halves = None if known.halves is None else tuple(np.where(valid[..., None], half, 0.0) for half in known.halves)
         classes = classify(mask)
         reference = FrameTruth(
-            frame, image, previous, mask, classes, motion, self._gain, emitters=known.emitters, halves=halves,
-            events=self._events.advance(mask, motion),
-        )  # fmt: skip
+            frame, image, previous, mask, classes, motion, self._gain, emitters=known.emitters, halves=halves
+        )
+        reference = replace(reference, events=self._events.advance(mask, motion, reference.scored))
         if halves is not None and not repetition:
             self._noise.append(half_noise(*halves, self._settings.lighting.tone_map, reference.scored))
         return reference

@@ -204,10 +204,10 @@ class MethodRecord:
         """The next frame is the first of the sequence of ``seed``."""
         self._seed, self._index, self._previous = seed, 0, None
         self._video.clear()
-        self.responses.begin()
 
     def end(self) -> None:
         """The sequence of a seed is complete: measures of whole sequences go into all its counted rows."""
+        self.responses.end()
         if self.perceptual.cvvdp is None or not self._video:
             return
         test, reference = (np.stack(images) for images in zip(*self._video, strict=True))
@@ -243,7 +243,7 @@ class MethodRecord:
             first, second = (np.where(valid[..., None], half, 0.0) for half in reference.halves)
             errors["linear_mse"] = quality.independent_squared_error(shown.radiance, first, second)
         if reference.events is not None:
-            self.responses.add(np.where(reference.scored, reference.events, -1), errors["linear_mse"])
+            self.responses.add(reference.events, errors["linear_mse"])
         counted = self._index >= self.warmup
         row: dict[str, Any] = dict.fromkeys(ROW_COLUMNS)
         row |= {"seed": self._seed, "frame": reference.frame, "method": self.label, "time_ms": time_ms}
