@@ -86,8 +86,8 @@ _RESPONSE = {
 _RESPONSE_NOTE = (
     "Frames after an event until the squared error of linear radiance in its pixels is a tenth of its peak above the "
     "noise floor, the median of the last quarter of the frames that follow these pixels; 0: the peak is within the "
-    "noise of the floor, or the error stays as high. Mean over the events that reach it, 95 % interval over seeds. Never: share of the followed events that do "
-    "not reach it in the first half of these frames."
+    "noise of the floor, or the error stays as high. Mean over the events that reach it, 95 % interval over seeds. "
+    "Never: share of the followed events that do not reach it in the first half of these frames."
 )
 
 _BOUND_NOTE = (
