@@ -131,25 +131,17 @@ class SceneFile:
         return self._node("player camera", motion, view_rotations(motion.axes), {"camera": lens})
 
     def point_light(
-        self,
-        name: str,
-        kind: str,
-        places: Array,
-        color: tuple,
-        candela: Array,
-        jumps: Array | None = None,
-        reach: float | None = None,
+        self, name: str, kind: str, places: Array, color: tuple, candela: Array, jumps: Array | None = None, **rest: Any
     ) -> None:
         """A point light, one more of its ``kind``, whose intensity changes in steps; none where it is never on.
 
-        ``reach``: meters at which it ends; None: nowhere.
+        ``rest``: properties of KHR_lights_punctual, such as the range in meters.
         """
         if np.max(candela) <= 0:
             return
         self.counts[kind] += 1
         light = {"type": "point", "color": [float(c) for c in color], "intensity": float(candela[0]), "name": name}
-        light |= {} if reach is None else {"range": float(reach)}
-        extensions = self.writer.light(**light)
+        extensions = self.writer.light(**light, **rest)
         self._node(name, Motion(places, jumps=jumps), None, {"extensions": extensions})
         number = extensions["KHR_lights_punctual"]["light"]
         if len(candela) > 1 and (candela != candela[0]).any():

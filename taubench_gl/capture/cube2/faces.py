@@ -7,8 +7,6 @@ others have nothing.  The rules by which a triangle is hidden are the engine's (
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from taubench_gl.capture.cube2.octree import ALPHA, MOST_CORNERS, Cubes
@@ -21,26 +19,22 @@ _ORDERS = np.array([[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]])
 """(2, 2, 3) triangles of a face by the corner at which it begins."""
 
 
-@dataclass(frozen=True)
-class Faces:
-    """m convex polygons, clockwise seen from outside in the map's left-handed axes."""
-
-    slots: Array  # (m,)
-    sides: Array  # (m,) which of -x, +x, -y, +y, -z, +z
-    counts: Array  # (m,) corners, at least 3
-    places: Array  # (m, 15, 3) cubes; those from the count on are not used
-
-
-def drawn_faces(cubes: Cubes) -> Faces:
-    """Every polygon that is drawn; those of the sky are left out."""
+def drawn_triangles(cubes: Cubes) -> tuple[Array, Array, Array]:
+    """Everything that is drawn but the sky: (t,) slots, (t,) sides of the cubes -x, +x, -y, +y, -z, +z, and (t, 3, 3)
+    corners in cubes, clockwise seen from outside in the map's left-handed axes."""
     stored = np.full((len(cubes.sizes), 6), -1)
     stored[cubes.polygons[:, 0], cubes.polygons[:, 1]] = np.arange(len(cubes.polygons))
     parts = [_side(cubes, side, stored[:, side]) for side in range(6)]
-    return Faces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    cube, sides, corners = (np.concatenate(column) for column in zip(*parts, strict=True))
+    solid = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).any(1)
+    return cubes.slots[cube, sides][solid], sides[solid], corners[solid] / 8
 
 
-def _side(cubes: Cubes, side: int, stored: Array) -> tuple[Array, Array, Array, Array]:
-    """The fields of Faces for one of six sides; ``stored``: (n,) number of each cube's polygon, -1: none."""
+def _side(cubes: Cubes, side: int, stored: Array) -> tuple[Array, Array, Array]:
+    """Triangles of one of six sides: cubes, sides, (t, 3, 3) corners in eighths of a cube.
+
+    ``stored``: (n,) number of each cube's polygon, -1: none.
+    """
     dim, out = side >> 1, side & 1
     cube = np.flatnonzero(~cubes.empty & (cubes.slots[:, side] != SKY))
     merged = (cubes.merged[cube] >> side & 1).astype(bool)
@@ -50,10 +44,8 @@ def _side(cubes: Cubes, side: int, stored: Array) -> tuple[Array, Array, Array, 
     beyond = cubes.find(cubes.origins[cube] + np.where(out, cubes.sizes[cube], -1)[:, None] * step)
     corner = cubes.corners(cube, np.full(len(cube), side))
     touches = corner[..., dim] == 8 * out
-    wall = (beyond < 0) | cubes.solid[beyond] & (cubes.sizes[beyond] >= cubes.sizes[cube]) & _opaque(
-        cubes, beyond, cube
-    )
-    keep = ~(touches.all(1) & wall)
+    wall = cubes.solid[beyond] & (cubes.sizes[beyond] >= cubes.sizes[cube]) & _opaque(cubes, beyond, cube)
+    keep = ~(touches.all(1) & (wall | (beyond < 0)))
     cube, merged, corner, touches = (values[keep] for values in (cube, merged, corner, touches))
     first = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     order = (((corner[:, 0] - corner[:, 3]) * first).sum(1) < 0).astype(int)
@@ -71,24 +63,21 @@ def _side(cubes: Cubes, side: int, stored: Array) -> tuple[Array, Array, Array, 
         out_[row, which] = ~_covered(cubes, cube[row], side, flat)
         return out_
 
-    drawn = shown(order)
+    drawn, lit = shown(order), (cubes.merged[cube] >> 8 + side & 1).astype(bool)
+    drawn |= (drawn.any(1) & lit)[:, None]
     # A face both of whose triangles are seen may have one that is not if it is divided the other way.
-    other = touches.all(1) & drawn.all(1) & (order == 0) & ~merged
+    other = touches.all(1) & drawn.all(1) & (order == 0) & ~merged & ~lit
     turned = shown(np.where(other, 1, order))
     other &= ~turned.all(1)
     order, drawn = np.where(other, 1, order), np.where(other[:, None], turned, drawn)
-    seen = drawn.any(1) | merged
-    cube, order, drawn, places = (values[seen] for values in (cube, order, drawn, places))
-    number, rows = stored[cube], np.arange(len(cube))
-    full = np.zeros((len(cube), MOST_CORNERS, 3), np.int64)
-    whole = drawn.all(1)
-    full[:, :4] = places[rows[:, None], (order[:, None] + np.arange(4)) & 3]
-    single = _ORDERS[order, np.where(drawn[:, 0], 0, 1)]
-    full[~whole, :3] = places[rows[:, None], single][~whole]
-    counts = np.where(whole, 4, 3)
-    has = number >= 0
-    full[has], counts[has] = cubes.stored[number[has]], cubes.polygons[number[has], 2]
-    return cubes.slots[cube, side], np.full(len(cube), side), counts, full / 8
+    number = stored[cube]
+    row, which = np.nonzero(drawn & (number < 0)[:, None])
+    plain = places[row[:, None], _ORDERS[order[row], which]]
+    number = number[(drawn.any(1) | merged) & (number >= 0)]
+    polygon, second = np.nonzero(np.arange(2, MOST_CORNERS) < cubes.polygons[number, 2, None])
+    corners = cubes.stored[number[polygon, None], np.stack([0 * second, second + 1, second + 2], 1)]
+    cube = np.concatenate([cube[row], cubes.polygons[number[polygon], 0]])
+    return cube, np.full(len(cube), side), np.concatenate([plain, corners])
 
 
 def _opaque(cubes: Cubes, beyond: Array, cube: Array) -> Array:
@@ -97,80 +86,63 @@ def _opaque(cubes: Cubes, beyond: Array, cube: Array) -> Array:
 
 
 def _covered(cubes: Cubes, cube: Array, side: int, triangles: Array) -> Array:
-    """Whether the cubes on the other side hide (k, 3, 2) triangles in the plane of a side, in eighths of a cube."""
+    """Whether the cubes on the other side hide (k, 3, 2) triangles in the plane of a side, in eighths of a cube: their
+    faces, which do not overlap, have the area of the triangle in common with it."""
     dim, out = side >> 1, side & 1
     across = [(dim + 1) % 3, (dim + 2) % 3]
     place, size, row = cubes.origins[cube].copy(), cubes.sizes[cube], np.arange(len(cube))
     place[:, dim] += np.where(out, size, -1)
-    covered = np.ones(len(cube), bool)
+    origin = triangles[:, :1].copy()
+    triangles = triangles - origin
+    whole, hidden = _area(triangles), np.zeros(len(cube))
+    triangles = np.where((whole < 0)[:, None, None], triangles[:, ::-1], triangles)
     while len(row):
         beyond = cubes.find(place)
         # A triangle lies in the square of its cube: cubes beyond it are as large, or parts of it.
-        whole = (beyond < 0) | (cubes.sizes[beyond] >= size)
-        done = whole & (beyond >= 0)
-        covered[row[done][~_hidden(cubes, beyond[done], cube[row[done]], side, triangles[row[done]])]] = False
-        again = ~whole & covered[row]
-        half = size[again] // 2
-        corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
-        parts = np.repeat(place[again][:, None], 4, 1)
-        parts[..., across] += corners * half[:, None, None]
-        place, size, row = parts.reshape(-1, 3), half.repeat(4), row[again].repeat(4)
-    return covered
+        done = (beyond < 0) | (cubes.sizes[beyond] >= size)
+        hides = done & (beyond >= 0) & ~cubes.empty[beyond] & _opaque(cubes, beyond, cube[row])
+        other, to = beyond[hides], row[hides]
+        corner = cubes.corners(other, np.full(len(other), side ^ 1))
+        there = corner[..., dim] == 8 * (1 - out)
+        shape = corner[..., across] * cubes.sizes[other][:, None, None] + 8 * cubes.origins[other][:, None, across]
+        # A corner that lies deeper than the plane is replaced by one before it: an edge without length.
+        for k in (1, 2, 3, 0, 1, 2):
+            shape[:, k] = np.where(there[:, k, None], shape[:, k], shape[:, k - 1])
+        turn = _area(shape)
+        shape = np.where((turn < 0)[:, None, None], shape[:, ::-1], shape) - origin[to]
+        common = _swept(triangles[to], shape, True) + _swept(shape, triangles[to], False)
+        way = np.roll(shape, -1, 1) - shape
+        convex = (_cross(way, np.roll(way, -1, 1)) >= 0).all(1)
+        np.add.at(hidden, to, np.where((turn != 0) & convex, common, 0))
+        half = size[~done] // 2
+        parts = np.repeat(place[~done][:, None], 4, 1)
+        parts[..., across] += np.array([[0, 0], [0, 1], [1, 0], [1, 1]]) * half[:, None, None]
+        place, size, row = parts.reshape(-1, 3), half.repeat(4), row[~done].repeat(4)
+    return hidden > np.abs(whole) - 1e-3
 
 
-def _hidden(cubes: Cubes, beyond: Array, cube: Array, side: int, triangles: Array) -> Array:
-    """Whether each cube ``beyond`` hides its triangle as far as the triangle lies before it."""
-    dim, out = side >> 1, side & 1
-    across = [(dim + 1) % 3, (dim + 2) % 3]
-    low = 8 * cubes.origins[beyond][:, across]
-    high = low + 8 * cubes.sizes[beyond][:, None]
-    turn = _turn(triangles[:, 0], triangles[:, 1], triangles[:, 2])
-    triangles = np.where((turn < 0)[:, None, None], triangles[:, ::-1], triangles)
-    box = np.stack([low, np.stack([high[:, 0], low[:, 1]], 1), high, np.stack([low[:, 0], high[:, 1]], 1)], 1)
-    apart = (triangles.max(1) <= low).any(1) | (triangles.min(1) >= high).any(1)
-    ends = np.roll(triangles, -1, 1)
-    edges = _turn(triangles[:, :, None], ends[:, :, None], box[:, None])  # (k, edge, corner of the box)
-    apart |= (edges <= 0).all(2).any(1)
-    hides = ~cubes.empty[beyond] & _opaque(cubes, beyond, cube)
-    sure = apart | hides & cubes.solid[beyond]
-    rest = np.flatnonzero(~sure & hides)
-    corner = cubes.corners(beyond[rest], np.full(len(rest), side ^ 1))
-    there = corner[..., dim] == 8 * (1 - out)
-    shape = corner[..., across] * cubes.sizes[beyond[rest]][:, None, None] + low[rest][:, None]
-    # A corner that lies deeper than the plane is replaced by one before it: an edge without length.
-    for k in (1, 2, 3, 0, 1, 2):
-        shape[:, k] = np.where(there[:, k, None], shape[:, k], shape[:, k - 1])
-    turn = _turn(shape[:, 0], shape[:, 1], shape[:, 2]) + _turn(shape[:, 0], shape[:, 2], shape[:, 3])
-    shape = np.where((turn < 0)[:, None, None], shape[:, ::-1], shape)
-    points, valid = _overlap(triangles[rest], ends[rest], low[rest], high[rest], box[rest], edges[rest])
-    after = np.roll(shape, -1, 1)
-    beside = _turn(shape[:, :, None], after[:, :, None], points[:, None])
-    slack = 1e-6 * np.abs(after - shape).sum(2)[..., None]
-    inside = ((beside >= -slack) | ~valid[:, None]).all((1, 2))
-    sure[rest] = (there.sum(1) > 2) & (turn != 0) & inside
-    return sure
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _turn(a: Array, b: Array, c: Array) -> Array:
-    """Twice the signed area of triangles of 2D points; broadcasts."""
-    return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+def _area(polygons: Array) -> Array:
+    """Twice the signed area of (k, n, 2) polygons."""
+    return _cross(polygons, np.roll(polygons, -1, 1)).sum(1)
 
 
-def _overlap(a: Array, b: Array, low: Array, high: Array, box: Array, edges: Array) -> tuple[Array, Array]:
-    """(k, 19, 2) points among which are the corners of triangle and box in common, and (k, 19) which of them are.
+def _swept(a: Array, b: Array, shared: bool) -> Array:
+    """(k,) twice the area that the parts of the edges of ``a`` inside of ``b`` sweep as seen from 0.
 
-    ``a``, ``b``: (k, 3, 2) ends of the triangle's edges; ``edges``: (k, 3, 4) sides of them on which the box's corners
-    are.
+    Of convex polygons, counter-clockwise.  The sum of both ways is that of what they have in common; ``shared``: with
+    edges that lie on one another, which count once.
     """
-    points, valid = [a, box], [((a >= low[:, None]) & (a <= high[:, None])).all(2), (edges >= 0).all(1)]
-    for axis in (0, 1):
-        for wall in (low, high):
-            length = b[..., axis] - a[..., axis]
-            share = (wall[:, axis, None] - a[..., axis]) / np.where(length == 0, 1, length)
-            crossing = a + share[..., None] * (b - a)
-            crossing[..., axis] = wall[:, axis, None]
-            along = crossing[..., 1 - axis]
-            on = (along >= low[:, 1 - axis, None]) & (along <= high[:, 1 - axis, None])
-            points.append(crossing)
-            valid.append((length != 0) & (share >= 0) & (share <= 1) & on)
-    return np.concatenate(points, 1), np.concatenate(valid, 1)
+    way, first, last = np.roll(a, -1, 1) - a, np.zeros(a.shape[:2]), np.ones(a.shape[:2])
+    for j in range(b.shape[1]):
+        edge = (np.roll(b, -1, 1) - b)[:, j, None]
+        inside, rate = _cross(edge, a - b[:, j, None]), _cross(edge, way)
+        at = -inside / np.where(rate == 0, 1, rate)
+        first, last = np.where(rate > 0, np.maximum(first, at), first), np.where(rate < 0, np.minimum(last, at), last)
+        along = (edge * way).sum(2)
+        apart = (inside < 0) | (inside == 0) & edge.any(2) & ((along < 0) | (not shared))
+        last = np.where((rate == 0) & apart, -1, last)
+    return (np.maximum(last - first, 0) * _cross(a, way)).sum(1)

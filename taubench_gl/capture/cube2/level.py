@@ -26,21 +26,14 @@ _CHANGES = (("scale", "f"), ("rotation", "i"), ("offset", "2i"), ("scroll", "2f"
 
 
 @dataclass(frozen=True)
-class Slot:
-    """A use of a texture.  ``root``: the slot of the map's configuration that it changes, by order; None: itself."""
-
-    previous: int
-    changes: dict[str, Any]
-
-
-@dataclass(frozen=True)
 class Level:
-    """A map.  ``entities``: ``place``, ``values`` (5), ``kind``; ``slots``: by the number that faces have."""
+    """A map.  ``entities``: ``place``, ``values`` (5), ``kind``; ``slots``: by the number that
+    faces have, the slot that each is a change of, -1: none, and what is changed."""
 
     version: int
     variables: dict[str, Any]
     entities: Array
-    slots: list[Slot]
+    slots: list[tuple[int, dict[str, Any]]]
     cubes: Cubes
 
 
@@ -89,14 +82,14 @@ def _read_variables(r: Reader, count: int) -> dict[str, Any]:
     return out
 
 
-def _read_slots(r: Reader, count: int) -> list[Slot]:
+def _read_slots(r: Reader, count: int) -> list[tuple[int, dict[str, Any]]]:
     """Changed uses of textures are stored; a negative number stands for that many without changes."""
-    out: list[Slot] = []
+    out: list[tuple[int, dict[str, Any]]] = []
     while count > 0:
         changed = r.get("i")
         if changed < 0:
             require((len(out) - changed) * 200, "its texture slots", SceneError, r.where)
-            out += [Slot(-1, {})] * min(-changed, count)
+            out += [(-1, {})] * min(-changed, count)
             count += changed
             continue
         previous, changes = r.get("i"), {}
@@ -107,6 +100,6 @@ def _read_slots(r: Reader, count: int) -> list[Slot]:
         for bit, (name, form) in enumerate(_CHANGES, 1):
             if changed >> bit & 1:
                 changes[name] = r.get(form)
-        out.append(Slot(previous, changes))
+        out.append((previous, changes))
         count -= 1
     return out

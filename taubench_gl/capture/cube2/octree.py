@@ -25,7 +25,7 @@ CORNERS = np.array(
 """(6, 4, 3) corners of the faces -x, +x, -y, +y, -z, +z, clockwise seen from outside in the left-handed axes."""
 _FIRST, _SECOND = np.array([2, 0, 1]), np.array([1, 2, 0])
 """The axes along a face in the order in which corners of merged faces are stored."""
-_CHILDREN, _EMPTY, _SOLID, _CUT, _COARSE = range(5)
+_CHILDREN, _EMPTY, _SOLID, _CUT = range(4)
 MOST_CORNERS = 15
 _OLD_MATERIALS = np.array([0, 1, 32, 3 | 32, 64, 2 | 256, 96, 256])  # before version 27, by number
 ALPHA = 0x400
@@ -37,9 +37,10 @@ _CUBE_BYTES = 600  # of one cube while a map is read and its faces are found
 class Cubes:
     """The n cubes of a map in the order of its file, which is the Z order of their places.
 
-    ``edges``: both ends of each of 12 edges as half bytes, in eighths; ``slots``: texture of each face; ``merged``: bit
-    of each face that belongs to a larger polygon.  ``polygons``: (m, 3) cube, face and number of corners of stored
-    polygons; ``stored``: (m, 15, 3) their corners in eighths of a cube.
+    ``edges``: both ends of each of 12 edges as half bytes, in eighths; ``slots``: texture of each face; ``merged``: a
+    bit of each face that belongs to a larger polygon, and eight higher of each that is drawn whole.  ``polygons``:
+    (m, 3) cube, face and number of corners of stored polygons; ``stored``: (m, 15, 3) their corners in eighths of a
+    cube.
     """
 
     size: int
@@ -147,31 +148,27 @@ def _scan(data: bytes, at: int, size: int, version: int, where: str) -> tuple[li
         kind = data[at]
         at += 1
         which, material, merged, start = kind & 7, 0, 0, at
-        if which > _COARSE or (which in (_CHILDREN, _COARSE) and len(left) >= deepest) or (which == _COARSE and new):
+        if which > _CUT or (which == _CHILDREN and len(left) >= deepest):
             raise SceneError(f"byte {at - 1} holds no cube", where=where, hint="the map is damaged")
-        if which != _CHILDREN:
-            known = len(polygons)
-            at += 24 if which == _CUT else 12
-            if new:
-                if kind & 0x40:
-                    material = data[at] if version == 32 else data[at] | data[at + 1] << 8
-                    at += 1 if version == 32 else 2
-                if kind & 0x80:
-                    merged = data[at]
-                    at += 1
-                if kind & 0x20:
-                    at = _scan_polygons(data, at, number, polygons)
-            else:
-                material, merged, at = _scan_old(data, at, version, kind, number, polygons)
-            if which == _COARSE:  # the engine once drew it from far away
-                del polygons[known:]
-            else:
-                rows += (which, len(left), start, material, merged)
-                number += 1
-                if number & 0xFFFF == 0:
-                    require(number * _CUBE_BYTES, "its cubes", SceneError, where)
-        if which in (_CHILDREN, _COARSE):
+        if which == _CHILDREN:
             left.append(8)
+            continue
+        at += 24 if which == _CUT else 12
+        if new:
+            if kind & 0x40:
+                material = data[at] if version == 32 else data[at] | data[at + 1] << 8
+                at += 1 if version == 32 else 2
+            if kind & 0x80:
+                merged = data[at]
+                at += 1
+            if kind & 0x20:
+                at = _scan_polygons(data, at, number, polygons)
+        else:
+            material, merged, at = _scan_old(data, at, version, kind, number, polygons)
+        rows += (which, len(left), start, material, merged)
+        number += 1
+        if number & 0xFFFF == 0:
+            require(number * _CUBE_BYTES, "its cubes", SceneError, where)
     require(number * _CUBE_BYTES, "its cubes", SceneError, where)
     return rows, polygons, at
 
@@ -195,22 +192,24 @@ def _scan_old(data: bytes, at: int, version: int, kind: int, number: int, polygo
     if mask & 0x80:
         material = data[at]
         at += 1
-    more = 0
+    more = lit = 0
     for face in range(6):
         if mask >> face & 1:
             more += data[at + 15] >> 1 & 1  # a second layer follows
+            lit |= (data[at + 14] > 5 or data[at + 15] > 0) << face  # with a lightmap
             at += 28 if mask & 0x40 else 16
     at += 16 * more
+    whole = 0
     if kind & 0x80:
         merged = data[at]
         at += 1
         if merged & 0x80:
-            mask, at = data[at], at + 1
+            whole, at = data[at], at + 1
             for face in range(6):
-                if mask >> face & 1:
+                if whole >> face & 1:
                     polygons += (number, face, at)
                     at += 8
-    return material, merged & 0x3F, at
+    return material, merged & 0x3F & (whole | ~lit) | lit << 8, at  # a face with a light of its own is drawn alone
 
 
 def _stored(cubes: Cubes, raw: Array, table: Array, version: int) -> tuple[Array, Array]:

@@ -96,16 +96,16 @@ def read_textures(level: Level, files: Files, map_name: str) -> dict[int, Textur
     for name in ("data/default_map_settings.cfg", f"packages/base/{map_name}.cfg"):
         _run(files, name, plain, 0)
     # The n-th slot of the map without changes is the n-th of the configuration; maps before version 30 have none.
-    unchanged = [number for number, slot in enumerate(level.slots) if not slot.changes]
-    unchanged += range(len(level.slots), len(level.slots) + len(plain))
-    out = dict(zip(unchanged, plain, strict=False))
-    for number, slot in enumerate(level.slots):
-        root, seen = number, 0
-        while 0 <= root < len(level.slots) and level.slots[root].changes and seen < len(level.slots):
-            root, seen = level.slots[root].previous, seen + 1
-        if slot.changes and root in out:
-            changes = {key: value for key, value in slot.changes.items() if key in Texture.__dataclass_fields__}
-            out[number] = _checked(replace(out[root], **changes))
+    count = len(level.slots)
+    unchanged = [number for number, (_, changes) in enumerate(level.slots) if not changes]
+    out = dict(zip([*unchanged, *range(count, count + len(plain))], plain, strict=False))
+    for number, (root, changes) in enumerate(level.slots):
+        for _ in range(count):  # back to the slot that is changed
+            if 0 <= root < count and level.slots[root][1]:
+                root = level.slots[root][0]
+        if changes and root in out:
+            known = {name: value for name, value in changes.items() if name in Texture.__dataclass_fields__}
+            out[number] = replace(out[root], **known)
     return out
 
 
@@ -124,7 +124,7 @@ def _run(files: Files, name: str, slots: list[Texture], depth: int) -> None:
             image = "packages/" + re.sub("<[^>]*>", "", words[2])
             if words[1] in ("0", "c"):
                 rotation, x, y, scale = (_number(word) for word in [*words[3:7], "0", "0", "0", "0"][:4])
-                slots.append(_checked(Texture(image, None, int(rotation), (int(x), int(y)), scale)))
+                slots.append(Texture(image, None, int(rotation), (int(x), int(y)), scale))
             in_material = words[1] not in ("0", "c") and (in_material or len(words[1]) > 1)
             if words[1] == "n" and slots and not in_material:
                 slots[-1] = replace(slots[-1], normal=image)
@@ -138,21 +138,14 @@ def _number(word: str) -> float:
     return value if abs(value) < 1e6 else 0.0
 
 
-def _checked(texture: Texture) -> Texture:
-    """With values that the engine would use for those that it does not allow."""
-    scale = texture.scale if 1e-3 < abs(texture.scale) < 1e6 else 1.0
-    color = tuple(float(np.clip(value, 0, 1)) if value == value else 1.0 for value in texture.color)
-    return replace(texture, rotation=min(max(texture.rotation, 0), 7), scale=scale, color=color)
-
-
 def texture_coordinates(places: Array, sides: Array, texture: Texture, size: tuple[int, int]) -> Array:
     """(n, 2) of (n, 3) places in cubes, engine's axes, on faces of (n,) sides; ``size``: pixels of the image."""
-    across, down, exchanged = _FLIPS[texture.rotation]
+    across, down, exchanged = _FLIPS[min(max(texture.rotation, 0), 7)]
     w, h = size[0] * (-1 if across else 1), size[1] * (-1 if down else 1)
     x, y = texture.offset[::-1] if exchanged else texture.offset
     dim = sides >> 1
     a, b = np.where(dim == 0, places[:, 1], places[:, 0]), np.where(dim == 2, places[:, 1], places[:, 2])
-    per_cube = 8 / texture.scale
+    per_cube = 8 / (texture.scale if 1e-3 < abs(texture.scale) < 1e6 else 1.0)
     if exchanged:
         return np.stack([b * np.where(dim < 2, -per_cube, per_cube) / w - x / w, a * per_cube / h - y / h], 1)
     return np.stack([a * per_cube / w - x / w, b * np.where(dim < 2, -per_cube, per_cube) / h - y / h], 1)

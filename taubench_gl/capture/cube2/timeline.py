@@ -99,7 +99,7 @@ class Timeline:
         starts = np.flatnonzero(gone | (np.diff(moved) > 0)) + 1
         parts = [part for part in np.split(np.arange(len(ms)), starts) if len(part) > 2]
         out = []
-        for part, following in zip(parts, [*parts[1:], None], strict=True):
+        for part, following in zip(parts, [*parts[1:], None], strict=False):
             seconds = (ms[part] - self.demo.ms[0]) / 1000
             stays = following is not None and following[0] == part[-1] + 1 and not gone[part[-1]]
             until = (ms[following[0]] - self.demo.ms[0]) / 1000 if following is not None and stays else seconds[-1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.capture import light
-from taubench_gl.capture.cube2.faces import Faces, drawn_faces
+from taubench_gl.capture.cube2.faces import drawn_triangles
 from taubench_gl.capture.cube2.level import LIGHT, MODEL, SPOTLIGHT, Level
 from taubench_gl.capture.cube2.octree import ALPHA
 from taubench_gl.capture.cube2.textures import Files, Texture, read_textures, texture_coordinates
@@ -22,23 +22,18 @@ _VOLUMES = {1: "cubes of water", 2: "cubes of lava", 3: "cubes of glass"}
 
 def add_world(file: SceneFile, level: Level, files: Files, map_name: str) -> None:
     """The node of the map, the first of the file."""
-    faces, textures = drawn_faces(level.cubes), read_textures(level, files, map_name)
+    textures = read_textures(level, files, map_name)
+    slots, sides, places = drawn_triangles(level.cubes)
+    normals = normalize(np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]))
     primitives = []
-    for slot in np.unique(faces.slots).tolist():
-        chosen = faces.slots == slot
-        places, sides = _triangles(
-            Faces(*(getattr(faces, name)[chosen] for name in ("slots", "sides", "counts", "places")))
-        )
-        normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
-        solid = normals.any(1)
-        places, normals, sides = places[solid], normalize(normals[solid]), sides[solid]
-        if not len(places):
-            continue
-        material, uvs = _material(file, files, slot, textures.get(slot), places.reshape(-1, 3), np.repeat(sides, 3))
-        corners = np.arange(3 * len(places)).reshape(-1, 3)[:, MIRROR]
-        flat, turned = places.reshape(-1, 3)[:, RIGHT_HANDED], np.repeat(normals, 3, 0)[:, RIGHT_HANDED]
-        primitives.append(file.primitive(flat, turned, uvs, corners, material))
-        file.counts["triangles of the map"] += len(places)
+    for slot in np.unique(slots).tolist():
+        own = slots == slot
+        corners, turned = places[own].reshape(-1, 3), np.repeat(normals[own], 3, 0)
+        material, uvs = _material(file, files, slot, textures.get(slot), corners, np.repeat(sides[own], 3))
+        triangles = np.arange(len(corners)).reshape(-1, 3)[:, MIRROR]
+        axes = (values[:, RIGHT_HANDED] for values in (corners, turned))
+        primitives.append(file.primitive(*axes, uvs, triangles, material))
+    file.counts["triangles of the map"] += len(slots)
     file.writer.node("world", **({"mesh": file.writer.mesh(map_name, *primitives)} if primitives else {}))
     cubes = level.cubes
     for number, name in _VOLUMES.items():
@@ -47,13 +42,6 @@ def add_world(file: SceneFile, level: Level, files: Files, map_name: str) -> Non
     kinds = level.entities["kind"]
     file.lost["models of the map"] += int((kinds == MODEL).sum())
     file.lost["items, teleports and other things of the map"] += int((kinds > SPOTLIGHT).sum())
-
-
-def _triangles(faces: Faces) -> tuple[Array, Array]:
-    """(t, 3, 3) corners of the triangles of polygons, each from its first corner, and (t,) their sides."""
-    second = np.arange(1, faces.places.shape[1] - 1)
-    row, k = np.nonzero(second + 1 < faces.counts[:, None])
-    return np.stack([faces.places[row, 0], faces.places[row, k + 1], faces.places[row, k + 2]], 1), faces.sides[row]
 
 
 def _material(
@@ -77,7 +65,8 @@ def _material(
     except SceneError:
         file.lost["normal maps that are missing"] += 1
     color = file.writer.texture(np.ascontiguousarray(image[..., :3]), lossy=True)
-    material = file.writer.material(f"slot {slot}", texture.color, roughness=0.9, texture=color, normal=normal)
+    shown = tuple(np.clip(np.nan_to_num(texture.color, nan=1.0), 0, 1).tolist())
+    material = file.writer.material(f"slot {slot}", shown, roughness=0.9, texture=color, normal=normal)
     return material, texture_coordinates(places, sides, texture, size)
 
 
@@ -114,4 +103,4 @@ def add_point(file: SceneFile, name: str, kind: str, places: Array, color: Array
     brightest = max(float(np.max(color)), 0.0)
     candela = light.linear_candela(radius, 255 * brightest, file.unit) * levels
     shown = tuple(np.clip(color / max(brightest, 1e-9), 0, 1))
-    file.point_light(name, kind, places, shown, candela, reach=radius * file.unit)
+    file.point_light(name, kind, places, shown, candela, range=radius * file.unit)
