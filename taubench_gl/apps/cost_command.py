@@ -37,7 +37,7 @@ def cost(
 
     Examples:
       taubench-gl cost scene.glb --out study --size 480x270
-      taubench-gl cost scene.glb --out study --size 480x270 --frames 0:9 --longest 1m
+      taubench-gl cost scene.glb --out study --size 480x270 --frames 0:9 --time 5m
       taubench-gl cost scene.glb --out study --columns position,direct --truth-within 0.5 --clock cpu
       taubench-gl evaluate scene.glb --preset study/within-60s.toml
 

@@ -14,6 +14,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from taubench_gl.camera_path_settings import CameraPathSettings
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import NO_OPTION, REQUIRED, Setting, declared, setting
 from taubench_gl.memory_budget import VARIABLE, parse_bytes
@@ -38,8 +39,9 @@ HEADINGS = ("", OUTPUT, SCENE, PICTURE, MASKS, LIGHT, FILES, MACHINE)
 MOST_SHORT = 12
 """Options of a command up to which the short help shows all."""
 
-FRAMES = ("camera", "scene", "animation", "strict", "fps", "frames", "size")
-"""Settings that say what is rendered."""
+CAMERA_PATH = tuple(declared(CameraPathSettings))
+FRAMES = ("camera", *CAMERA_PATH, "scene", "animation", "strict", "fps", "frames", "size")
+"""Settings of a recorded camera, and all that say what is rendered."""
 
 GPU = ("backend", "device")
 
