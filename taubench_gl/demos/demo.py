@@ -249,7 +249,7 @@ class Measured:
     colors: Mapping[str, RGB] = field(default_factory=dict)
     screens: Screens | None = None
 
-    def told(self, text: LessonText) -> Result:
+    def with_text(self, text: LessonText) -> Result:
         """The result, with what the lesson's text says of each number and of the parameter.  Raises ValueError."""
         if self.numbers.keys() != text.numbers.keys():
             raise ValueError(f"{text.name} measures {', '.join(self.numbers)}, its text has {', '.join(text.numbers)}")
@@ -301,8 +301,8 @@ class Demo:
     opening: Opening
 
     def run(self, stage: Stage) -> Result:
-        """Measure and draw, and tell what the numbers mean."""
-        return self.measure(stage).told(self.text)
+        """Measure and draw; the result has the texts of the numbers."""
+        return self.measure(stage).with_text(self.text)
 
     @property
     def name(self) -> str:
