@@ -30,7 +30,6 @@ LEFT_OUT = {
     r"bart-museum|^scenes get": "downloads: tests/datasets",
     r"^reference clear \w": "the key of an example: tests/pathtraced",
     r"^evaluate valley.glb": "the stand-in takes minutes: tests/datasets",
-    r"dask://": "needs a cluster: tests/batch",
     r"exr:(engine|one-sample)|--mapping falcor": "reads renderings of other programs: tests/pathtraced, tests/reuse",
     r"^paper|^scenes make|^benchmark (?!compare)|^cost |study/within-": "takes minutes: tests/paper, tests/datasets, "
     "tests/benchmark, tests/cost",
