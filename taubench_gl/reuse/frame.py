@@ -42,6 +42,9 @@ RESERVED_INPUTS = frozenset(
 )
 """Names that no history, buffer or setting can have.  Later inputs are not reserved where they are not read."""
 
+EYE_INPUTS = ("eye_motion", "eye_mask", "eye_result")
+"""Inputs of a method that asks for both histories, of the last frame and of the other eye."""
+
 FAR_AWAY_PX = 1.0e6
 """``motion`` of points behind the previous camera."""
 
@@ -100,7 +103,9 @@ def frame_arrays(frame: FrameInputs, reads: tuple[str, ...], has_history: bool) 
     ``prev_clip_from_prev`` (4, 4) and ``camera_delta`` (3,), float64; ``pair`` (Reprojection), ``view``,
     ``prev_view`` (View).
     """
-    arrays: dict[str, Any] = {name: np.ascontiguousarray(read_channel(frame.textures[name], name)) for name in reads}
+    arrays: dict[str, Any] = {
+        name: np.ascontiguousarray(read_channel(frame.textures[name], name.removeprefix("eye_"))) for name in reads
+    }
     return arrays | {
         "index": frame.index,
         "time": frame.time,
