@@ -32,7 +32,7 @@ def run(*arguments):
 
 
 def events(*messages):
-    """Those of one packet, beside a place of a player."""
+    """Events of one packet with ``messages``, beside a place of a player."""
     return decode(recording([(5, 0, position(1, (1, 2, 3))), (6, 1, b"".join(messages))]), "x").events
 
 
