@@ -131,6 +131,9 @@ class TrainingOptions(Checked):
 
 NO_TRAINING = TrainingOptions()
 
+LEARNING = ("nss", "noisebase")
+"""Formats of an export that are data for learning: noisy and clean light."""
+
 
 @dataclass(frozen=True, slots=True)
 class ExportOptions(Checked):
@@ -140,8 +143,9 @@ class ExportOptions(Checked):
 
     format: str = setting(
         "exr",
-        "exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout",
-        one_of(("exr", "npz", "zarr", "sintel")),
+        "exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout.  "
+        "nss: data of ng-model-gym for super sampling.  noisebase: data of noisebase for denoising",
+        one_of(("exr", "npz", "zarr", "sintel", *LEARNING)),
         short=True,
     )
     channels: tuple[str, ...] = setting(
@@ -315,17 +319,10 @@ class PaperOptions(Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class EngineOptions(Checked):
-    """Which engine runs the units of a study, with how many workers, and how many pairs a unit has."""
+class WorkerOptions(Checked):
+    """How many worker processes run the units of a study, and how many pairs a unit has."""
 
-    workers: int | None = setting(None, "Worker processes on this machine", short=True, shown="none")
-    engine: str | None = setting(
-        None,
-        "dask://HOST:PORT (a Dask scheduler) or dask-local (local Dask workers)",
-        short=True,
-        metavar="NAME",
-        shown="this process",
-    )
+    workers: int = setting(0, "Worker processes; 0: none, all in this process", at_least(0), short=True)
     chunk: int | None = setting(
         None, "Pairs per unit of work; does not change results", metavar="PAIRS", shown="automatic"
     )
