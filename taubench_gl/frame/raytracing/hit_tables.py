@@ -165,7 +165,8 @@ def material_texels(
     """Rows (M, ``options.material_texels``, 4) uint32 and the slots of each material that are in the atlas."""
     rows = np.zeros((len(materials), options.material_texels, 4), np.float32)
     words = rows.view(np.uint32)
-    used = [hit_slots(m, options) for m in materials]
+    # The atlas has no image of a material that nothing drawn has.
+    used = [tuple(s for s in hit_slots(m, options) if texture_of(m, s).image in atlas.places) for m in materials]
     for i, (m, slots) in enumerate(zip(materials, used, strict=True)):
         rows[i, 0] = m.base_color
         rows[i, 1, :3] = hit_emission(m, options)
