@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, camera_of_run, is_still
+from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, RecordedCamera, camera_of_run, is_still
 from taubench_gl.animation.jitter import radical_inverse
 from taubench_gl.conventions import DEFINITIONS
 from taubench_gl.data_files import read_json
@@ -181,11 +181,13 @@ def _cache_file(scene: Scene, metering: Settings, camera: CameraTrack) -> Path |
 
     None for a scene made in memory and for a camera that only the caller knows.
     """
-    if scene.sha256 is None or not isinstance(camera, FileCamera | OrbitCamera):
+    if scene.sha256 is None or not isinstance(camera, FileCamera | OrbitCamera | RecordedCamera):
         return None
     environment = environment_of(metering)
     image = image_of(environment).sha256 if environment.kind == "image" else None
     place = camera.node if isinstance(camera, FileCamera) else camera.name
+    if isinstance(camera, RecordedCamera):
+        place = camera.path, *camera.placed(), camera.node, camera.base
     digest = hashlib.sha256()
     # The files, and what a selection of scene and animations, a repair or a caller makes of them.
     selected = scene.nodes, scene.materials, scene.skins, scene.cameras, scene.lights, scene.channels
