@@ -113,9 +113,12 @@ class WordTable:
         return first
 
     def image(self) -> Array:
-        """(rows, 2^ROW_BITS, 4) uint32, the last row padded."""
+        """(rows, 2^ROW_BITS, 4) uint32, the last row padded.  Takes the parts, so that they are not held twice."""
         out = np.zeros((*table_size(self.count)[::-1], 4), np.uint32)  # (rows, columns) of a (width, height)
-        np.concatenate([np.zeros((0, 4), np.uint32), *self._parts], out=out.reshape(-1, 4)[: self.count])
+        rest = out.reshape(-1, 4)
+        while self._parts:
+            part = self._parts.pop(0)
+            rest[: len(part)], rest = part, rest[len(part) :]
         return out
 
 
