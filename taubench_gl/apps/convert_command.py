@@ -13,19 +13,7 @@ from taubench_gl.fields import one_of, setting
 from taubench_gl.settings import Settings
 
 
-@command(
-    settings=option_group(only=CAMERA_PATH),
-    epilog="""\b
-Examples:
-  taubench-gl convert scene.blend scene.glb
-  taubench-gl convert scene.fbx scene.glb --take Run
-  taubench-gl convert scene.usdc scene.glb
-  taubench-gl convert scene.glb --camera-path head.csv walked.glb
-\b
-Reads .blend .fbx .usd .usda .usdc .usdz .abc .ply .stl .dae.  The other commands convert such files on the fly and
-keep the result in the cache.  Needs Blender as a Python module (bpy), best in an environment of its own;
-TAUBENCH_BLENDER_PYTHON names the interpreter that has it.  Scripts inside .blend files are not run.""",
-)
+@command(settings=option_group(only=CAMERA_PATH))
 @click.argument("source", metavar="SCENE")
 @click.argument("target", type=click.Path(path_type=Path), metavar="OUT.glb")
 def convert(
@@ -48,6 +36,16 @@ def convert(
     Lists what glTF has no form for.  Lights are in candela and lux, 683 lm for each watt; the other commands divide
     them by 683 (--light-unit auto).  The world is written as an environment image beside OUT.glb and used by default.
     With --camera-path, SCENE is any scene that 'stress' accepts, and OUT.glb has the recorded camera as an animation.
+
+    Examples:
+      taubench-gl convert scene.blend scene.glb
+      taubench-gl convert scene.fbx scene.glb --take Run
+      taubench-gl convert scene.usdc scene.glb
+      taubench-gl convert scene.glb --camera-path head.csv walked.glb
+
+    Reads .blend .fbx .usd .usda .usdc .usdz .abc .ply .stl .dae.  The other commands convert such files on the fly and
+    keep the result in the cache.  Needs Blender as a Python module (bpy), best in an environment of its own;
+    TAUBENCH_BLENDER_PYTHON names the interpreter that has it.  Scripts inside .blend files are not run.
     """
     if settings.sequence.camera_path is not None:
         from taubench_gl.datasets.stress import stress

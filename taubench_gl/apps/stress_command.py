@@ -59,17 +59,6 @@ def _moved(meaning: str) -> Any:
         columns="frustum,position,normal,direct",
         camera_path_place="world",
     ),
-    epilog="""\b
-Examples:
-  taubench-gl stress scene.glb --camera vr --out hard.glb
-  taubench-gl stress scene.glb --camera fps --translation 0.1,0.003 --seed 4 --out fast.glb
-  taubench-gl stress scene.glb --camera headset.csv --move-lights all --out recorded.glb
-  taubench-gl stress scene.glb --sweep yaw=0:12:7 --out results
-
-\b
-A recorded camera is any file that --camera-path of the other commands reads (docs/camera-paths.md), such as CSV
-with the header time,x,y,z,qx,qy,qz,qw.  The presets have the paper's rows of Tables 2 and 3, taken as of
-60 fps: the paper does not state their rate.""",
 )
 @click.argument("scene", metavar="SCENE")
 def stress(
@@ -105,6 +94,16 @@ def stress(
     SCENE is any scene that 'evaluate' accepts, except path-traced files.  The camera's change per frame has exactly the
     given mean, variance and maximum; the seed chooses its path through free space.  Everything else in a glTF file is
     kept; other formats are converted to glTF.  The output selects the new camera by default.
+
+    Examples:
+      taubench-gl stress scene.glb --camera vr --out hard.glb
+      taubench-gl stress scene.glb --camera fps --translation 0.1,0.003 --seed 4 --out fast.glb
+      taubench-gl stress scene.glb --camera headset.csv --move-lights all --out recorded.glb
+      taubench-gl stress scene.glb --sweep yaw=0:12:7 --out results
+
+    A recorded camera is any file that --camera-path of the other commands reads (docs/camera-paths.md), such as CSV
+    with the header time,x,y,z,qx,qy,qz,qw.  The presets have the paper's rows of Tables 2 and 3, taken as of
+    60 fps: the paper does not state their rate.
     """
     from taubench_gl.apps.named_scenes import resolve
 
