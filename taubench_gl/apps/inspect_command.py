@@ -20,14 +20,7 @@ MAX_INSPECTED = 10_000
 """Frames compared for scene statistics: seven minutes at 24 fps, seconds of work."""
 
 
-@command(
-    settings=option_group(only=("scene", "animation", "strict", "fps", "unit_scale")),
-    epilog="""\b
-Examples:
-  taubench-gl inspect scene.glb
-  taubench-gl inspect scene.gltf --animation walk --json
-  taubench-gl inspect nss""",
-)
+@command(settings=option_group(only=("scene", "animation", "strict", "fps", "unit_scale")))
 @click.argument("path", metavar="SCENE|DIR")
 def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> int | None:
     """Print what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
@@ -35,6 +28,11 @@ def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> int | 
     Draws only to meter the exposure, which comes last and is not printed where there is no OpenGL.  Of an export DIR of
     format nss or noisebase: its arrays, and whether motion, depth, offsets, positions and light agree; the exit code is
     1 if something is wrong.
+
+    Examples:
+      taubench-gl inspect scene.glb
+      taubench-gl inspect scene.gltf --animation walk --json
+      taubench-gl inspect nss
     """
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.scene import load_scene
