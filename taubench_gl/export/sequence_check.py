@@ -54,13 +54,10 @@ def inspect_export(folder: Path) -> dict[str, dict[str, Any]]:
     and against that moved by the motion, where it is inside; None: there is no pair, or they are equal.
     """
     about = read_json(folder / MANIFEST, Manifest)
-    name, files = about["format"], []
-    if name in _READERS:
-        files, (read, compare) = FORMATS[name](folder, None).files(), _READERS[name]
-    if not files:
-        raise OutputError(
-            f"holds no finished nss or noisebase, but {name}", where=str(folder), hint="finish the export"
-        )
+    name = about["format"]
+    if name not in _READERS or not (files := FORMATS[name](folder, None).files()):
+        raise OutputError(f"is no finished export of format nss or noisebase, but of {name}", where=str(folder))
+    read, compare = _READERS[name]
     checks, shapes, squares, sums = {}, {}, [[0.0, 0.0]], defaultdict(lambda: np.zeros(2))
     for file in files:
         try:
