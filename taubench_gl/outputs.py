@@ -174,13 +174,18 @@ def _sync(folder: int) -> None:
             raise
 
 
-def write_png(path: Path, image: np.ndarray) -> None:
-    """(h, w, 3) uint8 as PNG, completely or not at all.  Raises OutputError."""
-    import imageio.v3 as iio
+def image_bytes(image: np.ndarray, form: str = "png", **options: Any) -> bytes:
+    """(h, w) or (h, w, 3 or 4) uint8 as an image file.  ``form`` and ``options``: as Pillow has them."""
+    from PIL import Image
 
     data = io.BytesIO()
-    iio.imwrite(data, np.ascontiguousarray(image), extension=".png")
-    write_atomically(path, data.getvalue())
+    Image.fromarray(np.ascontiguousarray(image)).save(data, form, **options)
+    return data.getvalue()
+
+
+def write_png(path: Path, image: np.ndarray) -> None:
+    """(h, w, 3) uint8 as PNG, completely or not at all.  Raises OutputError."""
+    write_atomically(path, image_bytes(image))
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:

@@ -68,9 +68,18 @@ def hard_cases() -> dict[Path, str]:
 
 
 def assets(work: Path) -> None:
+    from conformance_scenes import SCENES as CASES
     from make_assets import demo
+    from make_stand_ins import RECIPES, build
+    from suite_scenes import SCENES, make_light_scene
 
     demo().save(DEMO)
+    for name, scene in SCENES.items():
+        make_light_scene(scene, DEMO.parent / "light" / f"{name}.glb")
+    for name, recipe in RECIPES.items():
+        build(recipe).save(DEMO.parent / "stand-ins" / f"{name}.glb")
+    for name, document in CASES.items():
+        document().save(DEMO.parent / "conformance" / f"{name}.glb")
 
 
 def readme(work: Path) -> None:
@@ -305,7 +314,7 @@ def light_samples(work: Path) -> None:
 
 def cost(work: Path) -> None:
     """Ten minutes: the study itself continues what an earlier call began."""
-    size = ("--size", "32x18", "--frames", "20:23", "--clock", "cpu", "--truth-within", "0.5", "--longest", "100")
+    size = ("--size", "32x18", "--frames", "20:23", "--clock", "cpu", "--truth-within", "0.5", "--time", "none")
     taubench("cost", "assets/demo.glb", "--out", work / "demo", *size)
     keep_image(work / "demo" / "cost.png", "cost-demo.png")
     study = json.loads((work / "demo" / "cost.json").read_text(encoding="utf-8"))

@@ -19,32 +19,21 @@ SECONDS = setting(6.0, "Length of a window", above_zero("seconds above 0"), unit
 BEST = "best"
 
 
-@click.group(
-    cls=Commands,
-    default="run",
-    epilog="""\b
-Examples:
-  taubench-gl capture info game.dm_71
-  taubench-gl capture game.dm_71 --start best --out scene.glb
-  taubench-gl capture record --map oa_shouse --bots 14 --out game.dm_71""",
-)
+@click.group(cls=Commands, default="run")
 def capture() -> None:
     """Make scenes of recorded games, as the paper captures its scenes: 'capture GAME.dm_71 --out OUT.glb'.
 
     GAME is a demo of the Quake 3 family (Quake 3, OpenArena: .dm_68, .dm_70, .dm_71).  Maps, models and images come
     from the game's data files.  A scene made of them is a derived work: OpenArena's are GPL 2.
+
+    Examples:
+      taubench-gl capture info game.dm_71
+      taubench-gl capture game.dm_71 --start best --out scene.glb
+      taubench-gl capture record --map oa_shouse --bots 14 --out game.dm_71
     """
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl capture run game.dm_71 --start 12 --out scene.glb
-  taubench-gl capture run game.dm_71 --start best --no-view-weapon --out scene.glb
-\b
-An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 0.5 to 3.5 points of
-frustum, and 4 to 10 of position and of normal.  docs/capture.md says what is in a scene."""
-)
+@command()
 @click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
 def run(
     game: Path,
@@ -65,6 +54,13 @@ def run(
 
     World, doors, items, missiles, players and their lights move as the game moves them, and the camera is the player's
     eye.  32 units are a meter.  What the game draws and the file has not is listed.
+
+    Examples:
+      taubench-gl capture run game.dm_71 --start 12 --out scene.glb
+      taubench-gl capture run game.dm_71 --start best --no-view-weapon --out scene.glb
+
+    An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 0.5 to 3.5 points of
+    frustum, and 4 to 10 of position and of normal.  docs/capture.md says what is in a scene.
     """
     from taubench_gl.capture.quake3.demo import read_demo
     from taubench_gl.capture.quake3.paks import Paks
@@ -92,17 +88,16 @@ def _second(text: str) -> float:
         raise SettingsError(f"start is {text!r:.60}", hint="give seconds from the first snapshot, or best") from None
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl capture info game.dm_71
-  taubench-gl capture info game.dm_71 --json"""
-)
+@command()
 @click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
 def info(game: Path, *, data: Path = DATA, seconds: float = SECONDS, as_json: bool = AS_JSON) -> None:
     """Show map, players, when the recording player lives, and the windows of a recording by rotation.
 
     Needs only the recording; --data says which archives hold the map.
+
+    Examples:
+      taubench-gl capture info game.dm_71
+      taubench-gl capture info game.dm_71 --json
     """
     from taubench_gl.capture.quake3.demo import read_demo
     from taubench_gl.capture.quake3.scene import as_recording
@@ -143,14 +138,7 @@ def _holder(map_name: str, data: Path) -> str:
         return str(error)
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl capture record --map oa_shouse --bots 14 --seconds 24 --out game.dm_71
-\b
-Needs ioquake3 and OpenArena (apt-get install ioquake3 openarena), no screen and no GPU.  Two recordings differ: the
-file, not the command, is the source of a scene."""
-)
+@command()
 def record(
     *,
     map_name: str = setting(REQUIRED, "Map", flag="--map", metavar="NAME"),
@@ -160,7 +148,14 @@ def record(
     limit: float = setting(300.0, "The game is killed after this time, and tried again", above_zero(), unit="s"),
     out: Path = setting(REQUIRED, "File of the recording", metavar="OUT.dm_71"),
 ) -> None:
-    """Record a match between bots, seen by one of them, at a snapshot every 16 ms."""
+    """Record a match between bots, seen by one of them, at a snapshot every 16 ms.
+
+    Examples:
+      taubench-gl capture record --map oa_shouse --bots 14 --seconds 24 --out game.dm_71
+
+    Needs ioquake3 and OpenArena (apt-get install ioquake3 openarena), no screen and no GPU.  Two recordings differ: the
+    file, not the command, is the source of a scene.
+    """
     from taubench_gl.capture.quake3.record import record as record_game
 
     demo = record_game(map_name, bots, seconds, out, rockets=rockets, limit=limit)

@@ -19,18 +19,16 @@ MAX_INSPECTED = 10_000
 """Frames compared for scene statistics: seven minutes at 24 fps, seconds of work."""
 
 
-@command(
-    settings=option_group(only=("scene", "animation", "strict", "fps", "unit_scale")),
-    epilog="""\b
-Examples:
-  taubench-gl inspect scene.glb
-  taubench-gl inspect scene.gltf --animation walk --json""",
-)
+@command(settings=option_group(only=("scene", "animation", "strict", "fps", "unit_scale")))
 @click.argument("path", metavar="SCENE")
 def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> None:
     """Print what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
 
     Draws only to meter the exposure, which comes last and is not printed where there is no OpenGL.
+
+    Examples:
+      taubench-gl inspect scene.glb
+      taubench-gl inspect scene.gltf --animation walk --json
     """
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.scene import load_scene

@@ -27,10 +27,14 @@ SHOWN = {
 
 _HEADROOMS = {"headroom_db": "headroom", "clipped_headroom_db": "headroom clipped"}
 
-UNITS = {"rotation": "deg/frame", "translation": "m/frame", "light_speed": "m/frame", "object_speed": "m/frame"}
+UNITS = {
+    "rotation": "deg/frame", "translation": "m/frame", "light_speed": "m/frame", "object_speed": "m/frame",
+    "camera_path_speed": "times",
+}  # fmt: skip
 AXES = {
     "rotation": "rotation of the camera", "translation": "speed of the camera",
     "light_speed": "speed of the lights", "object_speed": "speed of the objects",
+    "camera_path_speed": "speed of the recorded camera",
 }  # fmt: skip
 PLOT_NAME = "speeds"
 FINE = 16

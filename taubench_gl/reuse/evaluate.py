@@ -247,7 +247,7 @@ def evaluate_methods(
     if kind.files is not None:
         if not isinstance(scene, Scene):
             scene = load_scene(scene, **settings.sequence.reading)
-        camera = camera or camera_of_run(scene, settings.sequence)
+        camera = camera or camera_of_run(scene, settings.sequence, settings.metrics.unit_scale)
         settings, reasons = as_rendered(settings), {}
     else:
         # Images need their exposure whatever the columns.
@@ -650,7 +650,7 @@ class _Evaluator:
             | {"noise_mse": self.noise, "noise_db": self.noise and {n: psnr(v) for n, v in self.noise.items()}},
             "white": WHITE,
             "mask_source": self._mask_source,
-            "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
+            "measures": {name: {"unit": m.unit, "better": m.better, "doc": m.doc} for name, m in MEASURES.items()},
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
             "events": {name: doc for name, (*_, doc) in EVENTS.items()},
             "clock": clock,
