@@ -131,6 +131,9 @@ class TrainingOptions(Checked):
 
 NO_TRAINING = TrainingOptions()
 
+LEARNING = ("nss", "noisebase")
+"""Formats of an export that are data for learning: noisy and clean light."""
+
 
 @dataclass(frozen=True, slots=True)
 class ExportOptions(Checked):
@@ -140,8 +143,9 @@ class ExportOptions(Checked):
 
     format: str = setting(
         "exr",
-        "exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout",
-        one_of(("exr", "npz", "zarr", "sintel")),
+        "exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout.  "
+        "nss: data of ng-model-gym for super sampling.  noisebase: data of noisebase for denoising",
+        one_of(("exr", "npz", "zarr", "sintel", *LEARNING)),
         short=True,
     )
     channels: tuple[str, ...] = setting(

@@ -111,6 +111,12 @@ def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) ->
             unwritten = unwritten[file.write(unwritten) :]
 
 
+def write_parts(path: Path, parts: Iterable[bytes]) -> None:
+    """Write bytes as they come, completely or not at all.  Raises OutputError."""
+    with replacing(path) as partial, open(partial, "wb") as file:
+        file.writelines(parts)
+
+
 def copy_atomically(source: BinaryIO, path: Path) -> None:
     """Write the rest of an open file to ``path``, completely or not at all.  Raises OutputError."""
     with replacing(path) as partial, open(partial, "wb") as file:

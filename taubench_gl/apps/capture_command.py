@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -13,8 +14,10 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.fields import REQUIRED, above_zero, at_least, one_of, setting
 
 DATA = setting(
-    Path("/usr/share/games/openarena/baseoa"), "Folder of the game's data files (.pk3)", flag="--data", metavar="DIR"
-)
+    None, "Folder of the game's data: OpenArena's .pk3 files, or that with Cube 2's packages", flag="--data",
+    metavar="DIR", shown="where Debian's packages put it",
+)  # fmt: skip
+PLAYER = setting("best", "Cube 2: whose view; best: the player with the window of most rotation", metavar="NUMBER|best")
 SECONDS = setting(6.0, "Length of a window", above_zero("seconds above 0"), unit="s")
 BEST = "best"
 
@@ -23,12 +26,14 @@ BEST = "best"
 def capture() -> None:
     """Make scenes of recorded games, as the paper captures its scenes: 'capture GAME.dm_71 --out OUT.glb'.
 
-    GAME is a demo of the Quake 3 family (Quake 3, OpenArena: .dm_68, .dm_70, .dm_71).  Maps, models and images come
-    from the game's data files.  A scene made of them is a derived work: OpenArena's are GPL 2.
+    GAME is a demo of the Quake 3 family (Quake 3, OpenArena: .dm_68, .dm_70, .dm_71) or of Cube 2 (Sauerbraten: .dmo),
+    the engine of the paper's scenes.  Maps, models and images come from the game's data files.  A scene made of them is
+    a derived work: OpenArena's are GPL 2, those of Debian's cube2-data CC BY 3.0.
 
     Examples:
       taubench-gl capture info game.dm_71
       taubench-gl capture game.dm_71 --start best --out scene.glb
+      taubench-gl capture game.dmo --player best --unit meters --out scene.glb
       taubench-gl capture record --map oa_shouse --bots 14 --out game.dm_71
     """
 
@@ -38,22 +43,26 @@ def capture() -> None:
 def run(
     game: Path,
     *,
-    data: Path = DATA,
+    data: Path | None = DATA,
+    player: str = PLAYER,
     start: str = setting(
         BEST, "Second of the recording, or best: the window with the most rotation in which the player lives",
         metavar="SECOND|best",
     ),
     seconds: float = SECONDS,
     fps: float = setting(60.0, "Rate of the keys; frames at 24 fps have keys too", at_least(1, most=1000)),
-    view_weapon: bool = setting(True, "The weapon in the player's hands", flag="--view-weapon/--no-view-weapon"),
-    roll: bool = setting(True, "Lean of the view by walking and running", flag="--roll/--no-roll"),
+    unit: str = setting("cube", "Cube 2: unit of the file; meters: 8 cubes are one", one_of(("cube", "meters"))),
+    view_weapon: bool = setting(
+        True, "Quake 3: the weapon in the player's hands", flag="--view-weapon/--no-view-weapon"
+    ),
+    roll: bool = setting(True, "Quake 3: lean of the view by walking and running", flag="--roll/--no-roll"),
     lights: str = setting("game", "Suns, light entities, shots and explosions, or none", one_of(("game", "none"))),
     out: Path = setting(REQUIRED, "File of the scene", metavar="OUT.glb"),
 ) -> None:  # fmt: skip
     """Write a part of a recorded game as a glTF scene.
 
     World, doors, items, missiles, players and their lights move as the game moves them, and the camera is the player's
-    eye.  32 units are a meter.  What the game draws and the file has not is listed.
+    eye.  32 units of Quake 3 are a meter.  What the game draws and the file has not is listed.
 
     Examples:
       taubench-gl capture run game.dm_71 --start 12 --out scene.glb
@@ -62,20 +71,19 @@ def run(
     An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 0.5 to 3.5 points of
     frustum, and 4 to 10 of position and of normal.  docs/capture.md says what is in a scene.
     """
-    from taubench_gl.capture.quake3.demo import read_demo
-    from taubench_gl.capture.quake3.paks import Paks
-    from taubench_gl.capture.quake3.scene import as_recording, build_scene
+    from taubench_gl.capture.games import read_recording
     from taubench_gl.capture.recording import Choice, best_window
 
-    demo = read_demo(game)
-    paks = Paks(data)
-    recording = as_recording(demo)
+    reader, demo = read_recording(game)
+    files = reader.files(data or reader.folder)
+    recording = reader.as_recording(demo, _player(player), seconds)
     first = best_window(recording, seconds).start if start == BEST else _second(start)
-    choice = Choice(first, seconds, fps, view_weapon, roll, lights == "game")
-    file = build_scene(demo, paks, choice, out)
+    choice = Choice(first, seconds, fps, view_weapon, roll, lights == "game", recording.player, unit)
+    file = reader.build_scene(demo, files, choice, out)
     show_notes(recording.notes)
     made, lost = (", ".join(f"{n:,} {kind}" for kind, n in c.items() if n) for c in (file.counts, file.lost))
-    click.echo(f"{demo.map_name}, {first:g} to {first + seconds:g} s: {made}")
+    whose = "" if recording.player is None else f", player {recording.player}"
+    click.echo(f"{demo.map_name}{whose}, {first:g} to {first + seconds:g} s: {made}")
     click.echo(f"not in the file: {lost}, fog and marks")
     click.echo(f"{out}: {out.stat().st_size:,} bytes; {file.writer.gltf.asset.copyright}")
     click.echo(f"Tables 1 to 4: taubench-gl evaluate {out} --fps {fps:g}")
@@ -88,9 +96,22 @@ def _second(text: str) -> float:
         raise SettingsError(f"start is {text!r:.60}", hint="give seconds from the first snapshot, or best") from None
 
 
+def _player(text: str) -> int | None:
+    if text != BEST and not (text.isdecimal() and len(text) < 6):
+        raise SettingsError(f"player is {text!r:.60}", hint="give a number that capture info lists, or best")
+    return None if text == BEST else int(text)
+
+
 @command()
 @click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
-def info(game: Path, *, data: Path = DATA, seconds: float = SECONDS, as_json: bool = AS_JSON) -> None:
+def info(
+    game: Path,
+    *,
+    data: Path | None = DATA,
+    player: str = PLAYER,
+    seconds: float = SECONDS,
+    as_json: bool = AS_JSON,
+) -> None:
     """Show map, players, when the recording player lives, and the windows of a recording by rotation.
 
     Needs only the recording; --data says which archives hold the map.
@@ -99,19 +120,20 @@ def info(game: Path, *, data: Path = DATA, seconds: float = SECONDS, as_json: bo
       taubench-gl capture info game.dm_71
       taubench-gl capture info game.dm_71 --json
     """
-    from taubench_gl.capture.quake3.demo import read_demo
-    from taubench_gl.capture.quake3.scene import as_recording
+    from taubench_gl.capture.games import read_recording
     from taubench_gl.capture.recording import RULE, STEP, stretches, windows
 
-    recording = as_recording(read_demo(game))
+    reader, demo = read_recording(game)
+    recording = reader.as_recording(demo, _player(player), seconds)
     ranked = sorted(windows(recording, seconds), key=lambda window: (not window.alive, -window.rotation))
     alive = stretches(recording.eye.times, recording.eye.alive)
     facts = {
         "game": recording.game,
         "map": recording.map_name,
-        "map in": _holder(recording.map_name, data),
+        "map in": _holder(recording.map_name, reader, data),
         "seconds": round(recording.seconds, 3),
         "players": ", ".join(recording.players),
+        **({} if recording.player is None else {"player": recording.player}),
         "lives (s)": ", ".join(f"{a:.2f} to {b:.2f}" for a, b in alive) or "never",
         **{kind: len(times) for kind, times in recording.counts.items()},
     }
@@ -128,12 +150,10 @@ def info(game: Path, *, data: Path = DATA, seconds: float = SECONDS, as_json: bo
         click.echo(f"  --start {window.start:<5g} {rates}, {window.jumps} jumps, {events}")
 
 
-def _holder(map_name: str, data: Path) -> str:
-    """The archive whose file of a map is used, or what to install."""
-    from taubench_gl.capture.quake3.paks import Paks
-
+def _holder(map_name: str, reader: Any, data: Path | None) -> str:
+    """The file whose map is used, or what to install."""
     try:
-        return Paks(data).map_file(map_name)[0].name
+        return reader.files(data or reader.folder).map_file(map_name)[0].name
     except SceneError as error:
         return str(error)
 
@@ -142,24 +162,33 @@ def _holder(map_name: str, data: Path) -> str:
 def record(
     *,
     map_name: str = setting(REQUIRED, "Map", flag="--map", metavar="NAME"),
-    bots: int = setting(8, "Players, all of them bots", at_least(1, most=20)),
+    bots: int = setting(8, "Players, all of them bots", at_least(1, most=31)),
     seconds: float = setting(24.0, "Length of the recording at least", above_zero("seconds above 0"), unit="s"),
-    rockets: bool = setting(False, "Rocket launchers only"),
+    rockets: bool = setting(False, "OpenArena: rocket launchers only"),
     limit: float = setting(300.0, "The game is killed after this time, and tried again", above_zero(), unit="s"),
-    out: Path = setting(REQUIRED, "File of the recording", metavar="OUT.dm_71"),
+    out: Path = setting(REQUIRED, "File of the recording", metavar="OUT.dm_71|OUT.dmo"),
 ) -> None:
-    """Record a match between bots, seen by one of them, at a snapshot every 16 ms.
+    """Record a match between bots: of OpenArena, seen by one of them, at a snapshot every 16 ms; with OUT.dmo of
+    Cube 2, which has all players, at a quarter of its speed, so that each is stored about 100 times a second.
 
     Examples:
       taubench-gl capture record --map oa_shouse --bots 14 --seconds 24 --out game.dm_71
+      taubench-gl capture record --map two_towers --bots 31 --seconds 8 --out game.dmo
 
-    Needs ioquake3 and OpenArena (apt-get install ioquake3 openarena), no screen and no GPU.  Two recordings differ: the
-    file, not the command, is the source of a scene.
+    Needs ioquake3 and OpenArena (apt-get install ioquake3 openarena), or for OUT.dmo Cube 2 (apt-get install cube2
+    cube2-data); no screen and no GPU.  Two recordings differ: the file, not the command, is the source of a scene.
     """
-    from taubench_gl.capture.quake3.record import record as record_game
+    if out.suffix == ".dmo":
+        from taubench_gl.capture.cube2 import record as cube2
 
-    demo = record_game(map_name, bots, seconds, out, rockets=rockets, limit=limit)
-    click.echo(f"{out}: {demo.map_name}, {demo.seconds:.1f} s, {len(demo.snapshots)} snapshots")
+        demo = cube2.record(map_name, bots, seconds, out, limit=limit)
+        stored = f"{len(demo.rows)} places"
+    else:
+        from taubench_gl.capture.quake3 import record as quake3
+
+        demo = quake3.record(map_name, bots, seconds, out, rockets=rockets, limit=limit)
+        stored = f"{len(demo.snapshots)} snapshots"
+    click.echo(f"{out}: {demo.map_name}, {demo.seconds:.1f} s, {stored}")
     note(f"its windows: taubench-gl capture info {out}")
 
 

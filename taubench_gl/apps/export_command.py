@@ -35,6 +35,7 @@ def export(
       taubench-gl export scene.glb --out training --format zarr --channels all --size 640x360 --jitter halton
       taubench-gl export a.glb --out pairs --input path-traced@1 --seeds 4 --reference path-traced@1024 --size 320x180
       taubench-gl export scene.glb --out sintel --format sintel --frames 0:50
+      taubench-gl export scene.glb --out nss --format nss --input jittered+upscale@2 --reference max --size 1280x720
       taubench-gl evaluate exr:frames
 
     Channels: gbuffer (position, depth, normal, geometric_normal, base_color, material, emission, ids), radiance

@@ -14,7 +14,7 @@ from taubench_gl.apps.screen import StatusLine, note, show_json, show_list
 from taubench_gl.fields import setting
 
 STAND_IN_NAMES = ("eternal-valley-fps", "eternal-valley-vr")
-ARENA_NAMES = ("arena-oa-dm6", "arena-oa-shouse", "arena-aggressor", "arena-human")
+ARENA_NAMES = ("arena-oa-dm6", "arena-oa-shouse", "arena-aggressor", "arena-human", "cube2-two-towers")
 
 
 @click.group(cls=Commands)
@@ -167,7 +167,8 @@ def make(name: str, out: Path) -> None:
     A stand-in is not the dataset.  It has exactly the paper's counts (Table 1), and its camera statistics (Tables 2
     and 3) at 60 fps, the rate of the paper's captures: the paper does not state the rate of these tables.  Its geometry
     and its Table 4 row differ from the paper's; with path-traced light and the exposure that the file records, the
-    columns of direct and indirect light are near it.  A recorded game (arena-...) needs OpenArena's data files.
+    columns of direct and indirect light are near it.  A recorded game (arena-..., cube2-...) needs the game's data
+    files.
 
     Examples:
       taubench-gl scenes make eternal-valley-fps valley.glb
@@ -179,9 +180,9 @@ def make(name: str, out: Path) -> None:
     from taubench_gl.scene import load_scene
 
     if name in ARENA_NAMES:
-        from taubench_gl.capture.arena import make_arena
+        from taubench_gl.capture.arena import arena_scenes, make_arena
 
-        click.echo(f"{make_arena(name, out)}: {out} ({out.stat().st_size:,} bytes, GPL 2)")
+        click.echo(f"{make_arena(name, out)}: {out} ({out.stat().st_size:,} bytes, {arena_scenes()[name].license})")
         click.echo(f"Tables 1 to 4: taubench-gl evaluate {out}")
         return
     from taubench_gl.data_files import read_bytes

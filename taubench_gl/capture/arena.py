@@ -8,10 +8,9 @@ from __future__ import annotations
 import hashlib
 from functools import cache
 from pathlib import Path
+from typing import Any
 
-from taubench_gl.capture.quake3.demo import Demo, decode
-from taubench_gl.capture.quake3.paks import DEBIAN_DATA, Paks
-from taubench_gl.capture.quake3.scene import as_recording, build_scene
+from taubench_gl.capture.games import CUBE2, QUAKE3, Game
 from taubench_gl.capture.recording import Choice, best_window
 from taubench_gl.data_files import code_hash, hashed, read_bytes
 from taubench_gl.datasets.registry import Entry, load_registry
@@ -29,42 +28,43 @@ def arena_scenes() -> dict[str, Entry]:
     return {name: entry for name, entry in load_registry().items() if entry.recording is not None}
 
 
-def make_arena(name: str, path: Path, data: Path = DEBIAN_DATA) -> str:
+def make_arena(name: str, path: Path, data: Path | None = None) -> str:
     """Write a scene of ``arena_scenes`` to ``path`` (.glb).  -> which part of the recording.  Raises SceneError."""
-    paks = Paks(data)
-    demo = _demo(arena_scenes()[name], paks)
-    window = best_window(as_recording(demo), Choice.seconds)
-    build_scene(demo, paks, Choice(window.start), path)
+    game, demo, files = _opened(name, data)
+    recording = game.as_recording(demo, None, Choice.seconds)
+    window = best_window(recording, Choice.seconds)
+    game.build_scene(demo, files, Choice(window.start, player=recording.player), path)
     return f"{demo.map_name}, {window.start:g} to {window.start + Choice.seconds:g} s of {Path(demo.name).name}"
 
 
-def arena_file(name: str, data: Path = DEBIAN_DATA) -> Path:
+def arena_file(name: str, data: Path | None = None) -> Path:
     """The file of a scene of ``arena_scenes`` in the cache; other code, recordings or maps give another.
 
     Raises SceneError without the game's data files.
     """
-    paks = Paks(data)
-    demo = _demo(arena_scenes()[name], paks)
-    level = hashlib.sha256(paks.read(paks.map_file(demo.map_name)[1]) or b"").hexdigest()
-    key = content_hash([_code(), name, level, *(str(path) for path in sorted(data.glob("*.pk3")))])
+    _, demo, files = _opened(name, data)
+    level = hashlib.sha256(files.read(files.map_file(demo.map_name)[1]) or b"").hexdigest()
+    key = content_hash([_code(), name, level, *(str(path) for path in sorted(files.folder.glob("*.pk3")))])
     path = output_folder(cache_folder() / "scenes-made" / key) / f"{name}.glb"
     if not path.is_file():
         make_arena(name, path, data)
     return path
 
 
-def _demo(entry: Entry, paks: Paks) -> Demo:
-    """The recording of a scene: ours, or one in the game's archives."""
-    name = str(entry.recording)
-    data = paks.read(name) if "/" in name else read_bytes(RECORDINGS / name, SceneError)
+def _opened(name: str, folder: Path | None) -> tuple[Game, Any, Any]:
+    """The game, the recording, which is ours or one in the game's archives, and the game's data."""
+    source = str(arena_scenes()[name].recording)
+    game = CUBE2 if source.endswith(".dmo") else QUAKE3
+    files = game.files(folder or game.folder)
+    data = files.read(source) if "/" in source else read_bytes(RECORDINGS / source, SceneError)
     if data is None:
         hint = "apt-get install openarena-088-data"
-        raise SceneError(f"holds no {name}", where=str(paks.folder), hint=hint)
-    return decode(data, name)
+        raise SceneError(f"holds no {source}", where=str(files.folder), hint=hint)
+    return game, game.decode(data, source), files
 
 
 @cache
 def _code() -> str:
     """Hash of the code and of our recordings that scenes follow from."""
-    recordings = [hashed(path, SceneError).hexdigest() for path in sorted(RECORDINGS.glob("*.dm_*"))]
+    recordings = [hashed(path, SceneError).hexdigest() for path in sorted(RECORDINGS.glob("*.dm*"))]
     return content_hash([code_hash(("capture", "datasets/gltf_writer.py"), shaders=()), recordings])

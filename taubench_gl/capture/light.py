@@ -1,8 +1,8 @@
 """The light of games in one unit.
 
-Sun, surfaces, light entities and dynamic lights keep the ratios that the map compiler of Quake 3 (q3map) and the game
-give them: a byte of a lightmap is irradiance, so each can be written as one.  One factor is free, LUX; the exposure of
-an evaluation cancels it.
+Sun, surfaces, light entities and dynamic lights keep the ratios that the map compiler of Quake 3 (q3map), the engine
+of Cube 2, and the game give them: a byte of a lightmap is irradiance, so each can be written as one.  One factor is
+free, LUX; the exposure of an evaluation cancels it.
 """
 
 from __future__ import annotations
@@ -28,6 +28,12 @@ def entity_candela(light: float, meters: float) -> float:
 def surface_luminance(light: float) -> float:
     """Luminance, cd/m^2, of ``q3map_surfacelight``: q3map sends a quarter of it per unit of area, with both cosines."""
     return light / 4 * LUX
+
+
+def linear_candela(radius: float, irradiance: float, meters: float) -> float:
+    """Intensity of a light of Cube 2, which falls off linearly from ``irradiance`` to 0 at its radius, in units: the
+    same at half the radius, brighter before it and darker after it."""
+    return irradiance / 2 * (radius / 2) ** 2 * LUX * meters**2
 
 
 def dynamic_candela(radius: np.ndarray | float, meters: float) -> np.ndarray | float:

@@ -6,6 +6,7 @@ A jump gets a second key one float32 step before it, so that nothing moves throu
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,16 +15,18 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.math3d import normalize, quat_from_mat3
+from taubench_gl.scene.files import open_image
 from taubench_gl.scene.gltf.container import add_facts
 
 Array = np.ndarray
 
 Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 """Axes of the file from those of the game."""
-FIELD_OF_VIEW = 90.0
-"""Degrees across an image of 16:9, as the games' default."""
+MIRROR = [0, 2, 1]
+"""Corners of a triangle that is clockwise in the game; in the file none is."""
+_IMAGES = ("TGA", "JPEG", "PNG")
 
 
 def y_up(vectors: Array) -> Array:
@@ -47,6 +50,22 @@ def continuous(q: Array) -> Array:
     """Quaternions with the sign that is nearest to the one before."""
     flips = np.where(np.einsum("ij,ij->i", q[1:], q[:-1]) < 0, -1.0, 1.0)
     return q * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
+
+
+def texture_pixels(source: Path | bytes, where: str, most: int) -> Array:
+    """(h, w, 4) uint8 of a game's image, at most ``most`` pixels a side; ``where``: names it.  Raises SceneError."""
+
+    def fault(what: str, hint: str | None) -> SceneError:
+        return SceneError(what, where=where, hint=hint)
+
+    with open_image(source, _IMAGES, fault) as image:
+        scale = min(1.0, most / max(image.size))
+        size = [max(1, round(side * scale)) for side in image.size]
+        try:
+            image.draft("RGB", size)  # a JPEG is decoded at a fraction of its size
+            return np.asarray(image.convert("RGBA").resize(size))
+        except (OSError, ValueError, SyntaxError, struct.error, IndexError) as error:
+            raise fault(f"image is damaged: {error!s:.200}", None) from None
 
 
 @dataclass(frozen=True)
@@ -105,21 +124,24 @@ class SceneFile:
             self._animate(node, "weights", weights, motion.jumps)
         self.counts[kind] += bool(kind)
 
-    def camera(self, motion: Motion, near: float, far: float = 1000.0) -> int:
-        """The recording player's camera.  ``near``, ``far``: meters."""
-        height = 2 * np.arctan(np.tan(np.radians(FIELD_OF_VIEW / 2)) * 9 / 16)
+    def camera(self, motion: Motion, near: float, far: float = 1000.0, width: float = 90.0) -> int:
+        """The recording player's camera.  ``near``, ``far``: meters; ``width``: degrees across an image of 16:9."""
+        height = 2 * np.arctan(np.tan(np.radians(width / 2)) * 9 / 16)
         lens = self.writer.camera("player", float(height), near, far)
         return self._node("player camera", motion, view_rotations(motion.axes), {"camera": lens})
 
     def point_light(
-        self, name: str, kind: str, places: Array, color: tuple, candela: Array, jumps: Array | None = None
+        self, name: str, kind: str, places: Array, color: tuple, candela: Array, jumps: Array | None = None, **rest: Any
     ) -> None:
-        """A point light, one more of its ``kind``, whose intensity changes in steps; none where it is never on."""
+        """A point light, one more of its ``kind``, whose intensity changes in steps; none where it is never on.
+
+        ``rest``: properties of KHR_lights_punctual, such as the range in meters.
+        """
         if np.max(candela) <= 0:
             return
         self.counts[kind] += 1
         light = {"type": "point", "color": [float(c) for c in color], "intensity": float(candela[0]), "name": name}
-        extensions = self.writer.light(**light)
+        extensions = self.writer.light(**light, **rest)
         self._node(name, Motion(places, jumps=jumps), None, {"extensions": extensions})
         number = extensions["KHR_lights_punctual"]["light"]
         if len(candela) > 1 and (candela != candela[0]).any():

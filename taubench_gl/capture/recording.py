@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SceneError, SettingsError
 
 Array = np.ndarray
 
@@ -20,6 +20,7 @@ RATE = 60.0
 EXACT_RATE = 24.0
 """Rate whose frames always lie on keys, beside the rate asked: that of the paper's images."""
 RULE = "the window with the most rotation in which the player lives"
+MAX_SECONDS = 3600.0
 STEP = 1.0
 """Seconds from the start of one window to that of the next."""
 
@@ -43,7 +44,8 @@ class Eye:
 class Recording:
     """A recording as ``info`` and the search for windows see it; ``eye`` at RATE.
 
-    ``counts``: kind of event, such as shots -> (m,) seconds; ``unit``: meters per unit.
+    ``counts``: kind of event, such as shots -> (m,) seconds; ``unit``: meters per unit; ``player``: whose eye it is,
+    where the recording has all players'.
     """
 
     game: str
@@ -54,6 +56,7 @@ class Recording:
     players: tuple[str, ...]
     counts: dict[str, Array]
     notes: tuple[str, ...] = field(default=())
+    player: int | None = None
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,10 @@ class Window:
 
 @dataclass(frozen=True)
 class Choice:
-    """What of a recording becomes a scene, and how.  ``start``, ``seconds``: from its first state."""
+    """What of a recording becomes a scene, and how.  ``start``, ``seconds``: from its first state.
+
+    Of Cube 2 only: ``player``: None is the one with the window of most rotation; ``unit``: of the file, cube or meters.
+    """
 
     start: float
     seconds: float = 6.0
@@ -78,11 +84,41 @@ class Choice:
     view_weapon: bool = True
     roll: bool = True
     lights: bool = True
+    player: int | None = None
+    unit: str = "cube"
 
 
-def key_times(seconds: float, fps: float) -> Array:
-    """Times of keys, (n,) seconds from 0: the frames at ``fps`` and those at EXACT_RATE."""
-    frames = [np.arange(int(np.floor(seconds * rate + 1e-6)) + 1) / rate for rate in (fps, EXACT_RATE)]
+def axes(angles: Array) -> Array:
+    """(..., 3) pitch (down positive), yaw, roll in degrees -> (..., 3, 3) rows forward, left, up."""
+    p, y, r = np.moveaxis(np.radians(angles), -1, 0)
+    cp, sp, cy, sy, cr, sr = np.cos(p), np.sin(p), np.cos(y), np.sin(y), np.cos(r), np.sin(r)
+    rows = (cp * cy, cp * sy, -sp, sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp,
+            cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp)  # fmt: skip
+    return np.stack(rows, -1).reshape(*p.shape, 3, 3)
+
+
+def changes(values: Array) -> Array:
+    """(n,) bool: where a value differs from the one before; never the first."""
+    return np.diff(values, prepend=values[:1]) != 0
+
+
+def sample_times(seconds: float, name: str) -> Array:
+    """(n,) times of ``Recording.eye``.  Raises SceneError for a recording ``name`` of more than MAX_SECONDS."""
+    if seconds > MAX_SECONDS:
+        raise SceneError(f"lasts {seconds:.0f} s", where=name, hint=f"at most {MAX_SECONDS:.0f} s are read")
+    return np.arange(int(seconds * RATE + 1e-6) + 1) / RATE
+
+
+def key_times(choice: Choice, seconds: float, name: str) -> Array:
+    """Times of keys, (n,) seconds from ``choice.start``: the frames at its rate and those at EXACT_RATE.
+
+    Raises SettingsError for a part that is not inside of a recording ``name`` of ``seconds``.
+    """
+    end = choice.start + choice.seconds
+    if not 0 <= choice.start < seconds or end > seconds + 1e-6:
+        what = f"{choice.start:g} to {end:g} s is not inside the recording"
+        raise SettingsError(what, where=name, hint=f"it lasts {seconds:g} s")
+    frames = [np.arange(int(np.floor(choice.seconds * rate + 1e-6)) + 1) / rate for rate in (choice.fps, EXACT_RATE)]
     times = np.concatenate(frames)
     _, first = np.unique(np.round(times * 1e9), return_index=True)
     return times[first]

@@ -289,7 +289,7 @@ class RasterInputs(Inputs):
         self.timer = PassTimer(request.gpu)
         self._reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
         self._samples_lights = LIGHTS in self.reads and kind.path_samples > 0
-        self.source = self._open_source(_sample_offset(kind, jitter), extra)
+        self.source = self._open_source(sample_offset(kind, jitter), extra)
         needs_exact = bool(exact) or "exact_mask" in self.reads
         self.exact = None if isinstance(exact, bool) else exact
         if needs_exact and self.exact is None:
@@ -485,7 +485,7 @@ class MaskPass:
         self._hazards.publish()
 
 
-def _sample_offset(kind: InputKind, jitter: Callable[..., Array]) -> Callable[[int], Array] | None:
+def sample_offset(kind: InputKind, jitter: Callable[..., Array] = halton_jitter) -> Callable[[int], Array] | None:
     """Frame -> sub-pixel offset (2,) of its samples; None: all frames are sampled at pixel centers.
 
     The offset changes when every pixel was shaded once.  The cycle of the rate divides Halton's period: with an offset

@@ -11,7 +11,7 @@ from taubench_gl.capture.quake3 import timeline as tl
 from taubench_gl.capture.quake3.md3 import Clip
 from taubench_gl.capture.quake3.players import shown_frames, swing
 from taubench_gl.capture.quake3.scene import as_recording
-from taubench_gl.capture.recording import EXACT_RATE, best_window, key_times, stretches, windows
+from taubench_gl.capture.recording import EXACT_RATE, Choice, best_window, key_times, stretches, windows
 from taubench_gl.errors import SceneError, SettingsError
 
 
@@ -209,12 +209,12 @@ def test_a_part_follows_when_it_is_far_behind():
 
 # --------------------------------------------------------------------------------------------------------- windows
 def test_keys_lie_on_the_frames_of_both_rates():
-    times = key_times(6.0, 60.0)
+    times = key_times(Choice(0.0, 6.0, 60.0), 6.0, "x")
     for rate in (60.0, EXACT_RATE):
         frames = np.arange(int(6 * rate) + 1) / rate
         assert np.abs(times[:, None] - frames).min(0).max() < 1e-12
     assert len(times) == 361 + 145 - 73 and (np.diff(times) > 1e-3).all()
-    assert len(key_times(1.0, 24.0)) == 25
+    assert len(key_times(Choice(0.0, 1.0, 24.0), 6.0, "x")) == 25
 
 
 def turning(seconds=20, fast=(8, 14), dead=()):

@@ -13,7 +13,7 @@ from taubench_gl.settings import Settings
 NAMES = {
     "eternal-valley-fps", "eternal-valley-vr", "bistro-interior", "bistro-exterior", "emerald-square", "zero-day",
     "toasters", "bart-kitchen", "bart-robots", "bart-museum",
-    "arena-oa-dm6", "arena-oa-shouse", "arena-aggressor", "arena-human",
+    "arena-oa-dm6", "arena-oa-shouse", "arena-aggressor", "arena-human", "cube2-two-towers",
 }  # fmt: skip
 
 

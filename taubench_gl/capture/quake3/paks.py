@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.capture.parts import texture_pixels
 from taubench_gl.data_files import opened
 from taubench_gl.errors import SceneError
 from taubench_gl.memory_budget import shown_bytes
-from taubench_gl.scene.files import open_image
 
 Array = np.ndarray
 
@@ -21,7 +21,6 @@ DEBIAN_DATA = Path("/usr/share/games/openarena/baseoa")
 """Where Debian's packages of OpenArena put its data files."""
 MAX_PAK, MAX_NAMES, MAX_MEMBER = 4 << 30, 500_000, 64 << 20
 IMAGES = (".tga", ".jpg", ".jpeg", ".png")
-_FORMATS = ("TGA", "JPEG", "PNG")
 _FAULTS = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, ValueError, RuntimeError, OverflowError)
 """What ``zipfile`` raises for damaged archives."""
 
@@ -89,16 +88,4 @@ class Paks:
 
     def image(self, name: str, most: int) -> Array:
         """(h, w, 4) uint8 of an image of the archives, at most ``most`` pixels a side.  Raises SceneError."""
-        data, where = self.read(name) or b"", self.where(name)
-
-        def fault(what: str, hint: str | None) -> SceneError:
-            return SceneError(what, where=where, hint=hint)
-
-        with open_image(data, _FORMATS, fault) as image:
-            scale = min(1.0, most / max(image.size))
-            size = [max(1, round(side * scale)) for side in image.size]
-            try:
-                image.draft("RGB", size)  # a JPEG is decoded at a fraction of its size
-                return np.asarray(image.convert("RGBA").resize(size))
-            except (OSError, ValueError, SyntaxError, struct.error, IndexError) as error:
-                raise fault(f"image is damaged: {error!s:.200}", None) from None
+        return texture_pixels(self.read(name) or b"", self.where(name), most)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
-import subprocess
 import tempfile
 from pathlib import Path
 
+from taubench_gl.capture.play import play
 from taubench_gl.capture.quake3.demo import Demo, read_demo
 from taubench_gl.data_files import opened
 from taubench_gl.errors import SceneError, SettingsError
@@ -67,16 +66,4 @@ def _play(command: list[str], home: Path, bots: int, seconds: float, limit: floa
     waits = round(2 * seconds * 1000 / STEP)  # the engine counts a wait twice per frame
     lines += ["follow 1", "wait 60", "record made", f"wait {waits}", "stoprecord", "wait 10", "quit"]
     write_atomically(data / "record.cfg", "\n".join(lines) + "\n")
-    display = {"SDL_VIDEODRIVER": "offscreen", "SDL_AUDIODRIVER": "dummy", "LIBGL_ALWAYS_SOFTWARE": "1"}
-    environment = {**os.environ, **display, "HOME": str(home)}
-    quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    process = subprocess.Popen(command, env=environment, cwd=home, start_new_session=True, **quiet)
-    try:
-        process.wait(limit)
-    except subprocess.TimeoutExpired:
-        return None
-    finally:
-        if process.poll() is None:  # it may ignore SIGTERM
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-    return next(data.glob("demos/made.dm_*"), None)
+    return next(data.glob("demos/made.dm_*"), None) if play(command, home, limit) else None

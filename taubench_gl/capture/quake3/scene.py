@@ -14,20 +14,23 @@ from taubench_gl.capture.quake3.paks import Paks
 from taubench_gl.capture.quake3.players import add_players
 from taubench_gl.capture.quake3.surfaces import Surfaces
 from taubench_gl.capture.quake3.timeline import FIRE, IMPACTS, MISSILE_KIND, UNIT, Timeline
-from taubench_gl.capture.recording import EXACT_RATE, RATE, Choice, Eye, Recording, key_times
-from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.capture.recording import EXACT_RATE, Choice, Eye, Recording, key_times, sample_times
+from taubench_gl.errors import SettingsError
 
-MAX_SECONDS = 3600.0
 NEAR = 4.0
 """Units from the eye to the near plane, as in the engine."""
 LICENSE = "derived from the game's maps, models and images; those of OpenArena: GPL-2.0, by the OpenArena team"
 
 
-def as_recording(demo: Demo) -> Recording:
-    """The demo for ``info`` and the search for windows.  Raises SceneError for one of more than an hour."""
-    if demo.seconds > MAX_SECONDS:
-        raise SceneError(f"lasts {demo.seconds:.0f} s", where=demo.name, hint=f"at most {MAX_SECONDS:.0f} s are read")
-    timeline = Timeline(demo, np.arange(int(demo.seconds * RATE + 1e-6) + 1) / RATE)
+def as_recording(demo: Demo, player: int | None = None, seconds: float = 0.0) -> Recording:
+    """The demo for ``info`` and the search for windows; ``seconds``: of a window, which this game does not need.
+
+    Raises SceneError for one of more than an hour, SettingsError if a player is chosen.
+    """
+    if player is not None:
+        hint = "leave --player out: the recording has one player's view"
+        raise SettingsError("is a recording of the Quake 3 family", where=demo.name, hint=hint)
+    timeline = Timeline(demo, sample_times(demo.seconds, demo.name))
     first = demo.snapshots[0].time
     missiles = {
         key: timeline.ms[np.argmax(track.present)]
@@ -57,11 +60,7 @@ def as_recording(demo: Demo) -> Recording:
 
 def build_scene(demo: Demo, paks: Paks, choice: Choice, path: Path) -> SceneFile:
     """Write the scene to ``path`` (.glb).  Raises SceneError for damaged files, SettingsError for an empty part."""
-    if not 0 <= choice.start < demo.seconds or choice.start + choice.seconds > demo.seconds + 1e-6:
-        part = f"{choice.start:g} to {choice.start + choice.seconds:g} s"
-        hint = f"it lasts {demo.seconds:g} s"
-        raise SettingsError(f"{part} is not inside the recording", where=demo.name, hint=hint)
-    times = key_times(choice.seconds, choice.fps)
+    times = key_times(choice, demo.seconds, demo.name)
     timeline = Timeline(demo, choice.start + times)
     file = SceneFile(times, UNIT, LICENSE)
     surfaces = Surfaces(file, paks)

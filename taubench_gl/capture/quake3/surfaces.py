@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.capture import light
-from taubench_gl.capture.parts import SceneFile
+from taubench_gl.capture.parts import MIRROR, SceneFile
 from taubench_gl.capture.quake3.bsp import FLARE, Bsp
 from taubench_gl.capture.quake3.md3 import Md3
 from taubench_gl.capture.quake3.paks import Paks
@@ -21,8 +21,6 @@ Array = np.ndarray
 
 TEXTURE = 256
 """Most pixels a side of a texture."""
-MIRROR = [0, 2, 1]
-"""The game's triangles are clockwise, the file's are not."""
 _WHITE = np.array([0.2126, 0.7152, 0.0722])
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.capture.quake3.demo import ENTITY, MAX_PLAYERS, PLAYER, SPECTATOR, TELEPORT, Demo, Snapshot, State
-from taubench_gl.capture.recording import Eye
+from taubench_gl.capture.recording import Eye, axes, changes
 from taubench_gl.errors import SceneError
 from taubench_gl.memory_budget import require
 
@@ -36,23 +36,9 @@ _PATHS = {
 }
 
 
-def axes(angles: Array) -> Array:
-    """(..., 3) pitch (down positive), yaw, roll in degrees -> (..., 3, 3) rows forward, left, up."""
-    p, y, r = np.moveaxis(np.radians(angles), -1, 0)
-    cp, sp, cy, sy, cr, sr = np.cos(p), np.sin(p), np.cos(y), np.sin(y), np.cos(r), np.sin(r)
-    rows = (cp * cy, cp * sy, -sp, sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp,
-            cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp)  # fmt: skip
-    return np.stack(rows, -1).reshape(*p.shape, 3, 3)
-
-
 def mix_angles(a: Array, b: Array, share: Array) -> Array:
     """From ``a`` to ``b`` in degrees by the shorter arc."""
     return a + share * ((b - a + 180) % 360 - 180)
-
-
-def changes(values: Array) -> Array:
-    """(n,) bool: where a value differs from the one before; never the first."""
-    return np.diff(values, prepend=values[:1]) != 0
 
 
 def columns(states: Array, names: tuple[str, ...], table: dict[str, int] = ENTITY) -> Array:

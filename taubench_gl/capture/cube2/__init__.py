@@ -1,0 +1,1 @@
+"""Recordings (.dmo) and maps (.ogz) of Cube 2: Sauerbraten."""

@@ -1,0 +1,169 @@
+"""A recording between its packets: paths of players, rockets, and the lights of shots and explosions.
+
+What is stored is cut off to whole degrees and sixteenths of a cube.  A path is the smoothest curve that lies inside of
+every stored interval: of all such values at the packets it has the least sum of squared accelerations, and it is a
+natural cubic spline between them.  It ends at a death and where a player is set elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from taubench_gl.capture.cube2.demo import STEP, Demo, Event
+from taubench_gl.capture.recording import Eye, axes
+from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.math3d import normalize
+
+Array = np.ndarray
+
+EYE = 14.0
+"""Cubes from the feet to the eye."""
+_GAP = 250
+"""Milliseconds without a packet after which a player counts as gone."""
+_ROUNDS = 400  # of the search for the smoothest path: its sum is then within 1e-6 of the least
+ROCKET, GRENADE = 3, 5
+SPEED = 320.0
+"""Cubes per second of a rocket."""
+
+
+def smooth_path(times: Array, low: Array) -> Array:
+    """(n, c) values in [low, low + 1) with the least sum of squared second derivatives over (n,) increasing ``times``.
+
+    Alternating direction method of multipliers (Boyd et al. 2011) with over-relaxation 1.6.
+    """
+    if len(times) < 3:
+        return low + 0.5
+    step = np.diff(times) / np.median(np.diff(times))
+    before, after = step[:-1], step[1:]
+    rows = np.stack([1 / before, -1 / before - 1 / after, 1 / after]) * np.sqrt(2 / (before + after))
+    band = np.zeros((3, len(times)))
+    for i in range(3):
+        for j in range(i + 1):
+            band[2 - i + j, i : i + len(times) - 2] += rows[i] * rows[j]
+    band[2] += 1
+    factor = cholesky_banded(band)
+    inside, late = low + 0.5, np.zeros_like(low, dtype=float)
+    for _ in range(_ROUNDS):
+        free = 1.6 * cho_solve_banded((factor, False), inside - late) - 0.6 * inside
+        inside = np.clip(free + late, low, low + (1 - 1e-6))
+        late += free - inside
+    return inside
+
+
+@dataclass(frozen=True)
+class Path:
+    """A player from ``start`` until ``end``, seconds; after it the player stays there until ``until``.
+
+    ``values``: time -> place of the eye (3), yaw to the left and pitch downward in degrees; right-handed axes.
+    """
+
+    start: float
+    end: float
+    until: float
+    values: CubicSpline
+
+
+class Timeline:
+    """The players and shots of a recording.  Times are seconds from its first packet."""
+
+    def __init__(self, demo: Demo):
+        self.demo = demo
+        ended: dict[int, list[int]] = {}
+        moved: dict[int, list[int]] = {}
+        for event in demo.events:
+            if event.name in ("DIED", "FORCEDEATH", "TELEPORT"):
+                (moved if event.name == "TELEPORT" else ended).setdefault(event.values[0], []).append(event.ms)
+            elif event.name == "SPAWN":
+                ended.setdefault(event.sender, []).append(event.ms)
+        self._cuts = ended, moved
+
+    @cached_property
+    def paths(self) -> dict[int, list[Path]]:
+        """Player -> its paths in the order of time."""
+        rows = self.demo.rows
+        found = {int(player): self._player(rows[rows[:, 1] == player]) for player in np.unique(rows[:, 1])}
+        if not any(found.values()):
+            raise SceneError("holds no player who lives for three packets", where=self.demo.name)
+        return {player: paths for player, paths in found.items() if paths}
+
+    def _player(self, rows: Array) -> list[Path]:
+        rows = rows[np.append(np.diff(rows[:, 0]) > 0, True)]  # the later packet of the same time counts
+        ms, player = rows[:, 0], int(rows[0, 1])
+        ended, moved = (np.searchsorted(sorted(cuts.get(player, [])), ms, "right") for cuts in self._cuts)
+        gone = (np.diff(ended) > 0) | (np.diff(rows[:, 2]) != 0) | (np.diff(ms) > _GAP)
+        starts = np.flatnonzero(gone | (np.diff(moved) > 0)) + 1
+        parts = [part for part in np.split(np.arange(len(ms)), starts) if len(part) > 2]
+        out = []
+        for part, following in zip(parts, [*parts[1:], None], strict=False):
+            seconds = (ms[part] - self.demo.ms[0]) / 1000
+            stays = following is not None and following[0] == part[-1] + 1 and not gone[part[-1]]
+            until = (ms[following[0]] - self.demo.ms[0]) / 1000 if following is not None and stays else seconds[-1]
+            out.append(Path(seconds[0], seconds[-1], until, self._spline(seconds, rows[part])))
+        return out
+
+    def _spline(self, seconds: Array, rows: Array) -> CubicSpline:
+        x, y, z = rows[:, 3:6].T
+        low = np.stack([x, y, z, np.unwrap(rows[:, 6].astype(float), period=360), rows[:, 7]], 1).astype(float)
+        x, y, z, yaw, pitch = smooth_path(seconds, low).T
+        places = np.stack([y, x, z], 1) * STEP + [0, 0, EYE]
+        return CubicSpline(seconds, np.column_stack([places, -yaw, -pitch]), bc_type="natural")
+
+    def eye(self, player: int, times: Array) -> Eye:
+        """The eye of a player; while it is not in the game it stays where it was.  Its view has no roll.
+
+        Raises SettingsError for a number that no player has.
+        """
+        paths = self.paths.get(player)
+        if paths is None:
+            known = ", ".join(map(str, self.paths)) or "none"
+            raise SettingsError(f"no player {player} in the recording", where=self.demo.name, hint=f"players: {known}")
+        which = np.searchsorted([path.start for path in paths], times + 1e-9, "right") - 1
+        values, alive = np.zeros((len(times), 5)), np.zeros(len(times), bool)
+        for number in np.unique(which):
+            path, rows = paths[max(number, 0)], which == number
+            values[rows] = path.values(np.clip(times[rows], path.start, path.end))
+            alive[rows] = (times[rows] >= path.start - 1e-9) & (times[rows] <= path.until + 1e-9)
+        angles = np.stack([values[:, 4].clip(-90, 90), values[:, 3], np.zeros(len(times))], 1)
+        return Eye(times, values[:, :3], axes(angles), np.diff(which, prepend=which[:1]) != 0, alive)
+
+    @cached_property
+    def shots(self) -> list[Shot]:
+        """Every shot, and when it exploded, if it did."""
+        ends = {e.values: self._seconds(e) for e in self.demo.events if e.name == "EXPLODEFX"}
+        out = []
+        for event in self.demo.events:
+            if event.name == "SHOTFX":
+                player, gun, number, *six = event.values
+                places = np.array(six, float).reshape(2, 3)[:, [1, 0, 2]] * STEP
+                out.append(Shot(self._seconds(event), gun, *places, ends.get((player, gun, number))))
+        return out
+
+    def times(self, *names: str) -> Array:
+        """(m,) seconds of the messages of these names."""
+        return np.array([self._seconds(event) for event in self.demo.events if event.name in names])
+
+    def _seconds(self, event: Event) -> float:
+        return (event.ms - self.demo.ms[0]) / 1000
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A shot from ``start`` toward ``goal``, (3,) cubes, right-handed.  ``end``: when it exploded, None: never."""
+
+    time: float
+    gun: int
+    start: Array
+    goal: Array
+    end: float | None
+
+    def at(self, times: Array) -> Array:
+        """(n, 3) where a rocket is: straight ahead, at most to its goal."""
+        way = self.goal - self.start
+        length = np.linalg.norm(way)
+        along = np.clip((np.asarray(times) - self.time) * SPEED, 0, length)
+        return self.start + along[:, None] * normalize(way)

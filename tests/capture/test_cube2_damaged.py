@@ -1,0 +1,67 @@
+"""300 damaged recordings, maps and configurations: each is refused in one line or makes a scene, in bounded memory."""
+
+from __future__ import annotations
+
+import gzip
+import random
+
+import pytest
+from cube2_files import CONFIG, game_packets, hall, recording, write_game
+from test_damaged_files import damaged
+
+from taubench_gl.capture.cube2.demo import decode
+from taubench_gl.capture.cube2.scene import as_recording, build_scene
+from taubench_gl.capture.cube2.textures import Files
+from taubench_gl.capture.recording import Choice
+from taubench_gl.errors import TaubenchError
+from taubench_gl.scene import load_scene
+
+SEEDS = {
+    "game.dmo": 100,
+    "game.dmo unpacked": 60,
+    "tiny.ogz": 30,
+    "tiny.ogz unpacked": 90,
+    "tiny.cfg": 10,
+    "wall.png": 10,
+}
+"""Damaged files of each kind; unpacked: damaged before it is packed."""
+
+
+@pytest.mark.parametrize("name", SEEDS)
+def test_damaged_files(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("TAUBENCH_MAX_MEMORY", "256MiB")
+    monkeypatch.setattr("os.fsync", lambda _: None)
+    write_game(tmp_path)
+    packets, out, refused = game_packets(3.0), tmp_path / "scene.glb", 0
+    whole = {"game.dmo": recording(packets), "tiny.ogz": hall(), "tiny.cfg": CONFIG.encode(),
+             "wall.png": (tmp_path / "packages" / "wall.png").read_bytes()}  # fmt: skip
+    file, _, unpacked = name.partition(" ")
+    demo = decode(whole["game.dmo"], "game.dmo")
+    for seed in range(SEEDS[name]):
+        rng = random.Random(f"{name} {seed}")
+        data = (
+            gzip.compress(damaged(gzip.decompress(whole[file]), rng), 1, mtime=0)
+            if unpacked
+            else damaged(whole[file], rng)
+        )
+        if file in ("tiny.ogz", "tiny.cfg"):
+            (tmp_path / "packages" / "base" / file).write_bytes(data)
+        elif file == "wall.png":
+            (tmp_path / "packages" / file).write_bytes(data)
+        try:
+            if file == "game.dmo":
+                demo = decode(data, file)
+                as_recording(demo, None, 0.5)
+            build_scene(demo, Files(tmp_path), Choice(1.5, 0.5, 12.0), out)
+        except TaubenchError as error:
+            refused += 1
+            assert "\n" not in str(error) and error.where
+            assert not out.exists()
+        else:
+            load_scene(out)
+            out.unlink()
+    assert refused or file in ("tiny.cfg", "wall.png")
+
+
+def test_there_are_300():
+    assert sum(SEEDS.values()) == 300
