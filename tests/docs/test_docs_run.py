@@ -107,7 +107,6 @@ PYTHON = {
 PYTHON_ELSEWHERE = {
     "docs/api.md": "tests/test_api.py",
     "docs/reuse.md": "tests/reuse/test_reuse_guide.py, test_python_routes.py",
-    "docs/batch.md": "needs SLURM and Kubernetes",
 }
 
 
