@@ -209,6 +209,9 @@ class ReuseOptions(Checked):
         metavar="NAME|FILE",
         shown="taubench for an export, else blender",
     )
+    render_every: int = setting(
+        2, "Methods that generate frames: one of this many frames is rendered", at_least(2), metavar="N"
+    )
     seeds: int = setting(
         1,
         "Repeat the frames with this many seeds, from --seed on; five or more give intervals over seeds",

@@ -21,9 +21,8 @@ from taubench_gl.benchmark.unit import FAILED, OTHER_SCENE, BenchmarkUnit, Entry
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.pathtraced.sequence import is_sequence
-from taubench_gl.reuse.evaluate import method_text
 from taubench_gl.reuse.fit import expand_methods
-from taubench_gl.reuse.loading import builtin_methods, frame_methods
+from taubench_gl.reuse.loading import builtin_methods, frame_methods, load_method, method_text
 from taubench_gl.study.driver import run_study
 from taubench_gl.study.engines import available_cores
 from taubench_gl.study.progress import Listener
@@ -43,7 +42,7 @@ def entries_of(methods: Sequence[str]) -> tuple[Entry, ...]:
     """The named methods and ``none``; without a name all built-in methods.  Raises SettingsError."""
     entries = [Entry.of(method) for text in methods or frame_methods() for method in _expanded(text)]
     if not methods:
-        sampling = [Entry.of(name) for name in builtin_methods() if name not in frame_methods()]
+        sampling = [Entry.of(name) for name in builtin_methods() if load_method(name).own_light]
         entries += [replace(entry, track=SAMPLES) for entry in (*sampling, Entry.of(FILTERED))]
     labels = [entry.label for entry in entries]
     if twice := next((label for label in labels if labels.count(label) > 1), None):

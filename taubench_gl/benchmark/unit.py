@@ -24,9 +24,9 @@ from taubench_gl.errors import MethodError, SceneError, SettingsError
 from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
 from taubench_gl.reuse.chain import LINK
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method
-from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation, MethodSpec, evaluate_methods
+from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation, evaluate_methods
 from taubench_gl.reuse.inputs import missing_inputs
-from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
+from taubench_gl.reuse.loading import BUILTIN, MethodSpec, builtin_methods, load_method
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.study.store import content_hash, json_bytes
 from taubench_gl.study.unit import Unit, Worker

@@ -20,10 +20,9 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.reuse.evaluate import MethodSpec, method_settings
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.loading import MethodSpec, load_method, method_settings
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.run import Run
 from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_x, turn_y

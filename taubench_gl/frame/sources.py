@@ -117,6 +117,7 @@ class RasterSource(Owner):
         self.context = self.own(GpuContext(gpu, shaders, timer))
         stereo = settings.metrics.stereo
         self.eye = other_eye(animated.scene, animated.camera, settings) if stereo else None
+        self.step = 1  # frames from the previous image to the next one that ``advance`` draws
         self._previous_time = 0.0  # seconds
         self.current_view: View | None = None
         self.previous_view: View | None = None
@@ -275,7 +276,7 @@ class RasterSource(Owner):
     def _rasterize(self, frame: int, offset: np.ndarray | None) -> View:
         time = frame / self._fps
         if self.eye is None:
-            self._previous_time = (frame - 1) / self._fps
+            self._previous_time = (frame - self.step) / self._fps
             self.renderer.draw(time, self._previous_time, offset, history=self._history)
         else:
             self._previous_time = time

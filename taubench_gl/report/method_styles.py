@@ -26,7 +26,7 @@ SOLID = (
 )  # fmt: skip
 DASHED = (
     "upsample_2x2", "reverse_reprojection_cache", "bmfr_temporal", "ideal-masks", "checkerboard", "asvgf", "timewarp",
-    "greedy", "ris", "restir-di",
+    "greedy", "ris", "restir-di", "extrapolate", "space-warp", "interpolate", "present-last",
 )  # fmt: skip
 """Names of built-in methods, in the order of COLORS."""
 

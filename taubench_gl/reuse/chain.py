@@ -35,6 +35,8 @@ def chained(first: Method, second: Method) -> Method:
     lost = [read for read in second.reads if read in SHADED - provided]
     if lost:
         raise MethodError(f"{second.name} reads {', '.join(lost)}, which {first.name} does not write", where=name)
+    if first.generates or second.generates:
+        raise MethodError("a method that generates frames has no place in a chain", where=name)
     if second.own_light or first.upscales or second.upscales:
         other = f"{second.name} makes its light itself" if second.own_light else "a method of it upscales"
         raise MethodError(f"{other}: it has no place in a chain", where=name)

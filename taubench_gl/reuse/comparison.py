@@ -269,8 +269,9 @@ def convergence(rows: Sequence[Row], cuts: Collection[int] = ()) -> dict[str, An
     that every start reaches.
     """
     frames = sorted({row["frame"] for row in rows})
-    starts = sorted({*frames[:1], *(cut for cut in cuts if cut in frames)})
-    ends = [*starts[1:], frames[-1] + 1] if frames else []
+    in_turn = not frames or frames[-1] - frames[0] < len(frames)  # else history is not that of the frame before
+    starts = sorted({*frames[:1], *(cut for cut in cuts if cut in frames)}) if in_turn else []
+    ends = [*starts[1:], frames[-1] + 1] if starts else []
     reach = min((end - start for start, end in zip(starts, ends, strict=True)), default=0)
     curves: dict[str, list[float | None]] = {}
     for label in dict.fromkeys(row["method"] for row in rows):

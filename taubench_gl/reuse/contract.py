@@ -210,7 +210,8 @@ class Method:
     of its paper; ``reports``: names of REPORTS that the method writes; ``base``: folder of the shaders that ``folder``
     does not have.  ``upscales``: inputs can be smaller than the result; ``input_sized``: its histories and buffers that
     have the size of the inputs.  ``structs``: the formats that are its own; ``chain``: two
-    methods, the second of which has the image of the first as its input.
+    methods, the second of which has the image of the first as its input; ``generates``: ``extrapolate`` or
+    ``interpolate``: it makes frames after or between rendered ones; None: it reuses history in rendered frames.
     """
 
     name: str
@@ -232,6 +233,7 @@ class Method:
     input_sized: frozenset[str] = frozenset()
     structs: tuple[Struct, ...] = ()
     chain: tuple[Method, ...] = ()
+    generates: str | None = None
 
     def values(self, changes: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """The value of every setting: ``changes``, else the default.  Raises MethodError, which lists all errors."""

@@ -105,6 +105,7 @@ class Declared(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     settings: dict[str, SettingEntry | Value] = {}
     stages: dict[str, StageEntry] = {}
     upscales: bool = False
+    generates: Literal["extrapolate", "interpolate"] | None = None
 
 
 class MethodClass(Declared):
@@ -221,6 +222,7 @@ class _Declaration:
             settings=self.settings,
             stages=stages,
             upscales=self.upscales,
+            generates=self._declared.generates,
             **rest,
         )
 

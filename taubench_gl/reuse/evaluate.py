@@ -30,14 +30,14 @@ from taubench_gl.option_groups import ReuseOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
 from taubench_gl.reuse.bound import Blended
-from taubench_gl.reuse.chain import LINK
 from taubench_gl.reuse.comparison import compare_methods
-from taubench_gl.reuse.contract import REFERENCE_INPUT, Method, Value
+from taubench_gl.reuse.contract import REFERENCE_INPUT, Method
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import EYE_INPUTS, FrameInputs, read_result
+from taubench_gl.reuse.generated import BASELINE, EXTRAPOLATE, GeneratedInputs, all_generate, of_method
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import FrameRequest, Inputs, OtherEye, RasterInputs
-from taubench_gl.reuse.loading import builtin_methods, load_method
+from taubench_gl.reuse.loading import MethodSpec, load_method, method_settings
 from taubench_gl.reuse.perceptual import open_perceptual
 from taubench_gl.reuse.quality import MEASURES, WHITE, display, fixed_gain, half_noise, psnr, reusable, warp_error
 from taubench_gl.reuse.recorded import RecordedFrames, RecordedRunner
@@ -60,6 +60,8 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
+Frames = FrameInputs | Mapping[str, FrameInputs]
+"""Inputs of one frame; of methods that generate frames by ``Method.generates``."""
 
 SCHEMA = "taubench-gl/reuse/3"
 
@@ -83,57 +85,6 @@ _EXACT_BYTES = 12
 MAX_SEED = 65535
 
 TWICE = "use other settings, NAME@setting=value, or rename the class, file or folder"
-
-
-@dataclass(frozen=True, slots=True)
-class MethodSpec:
-    """A method and its settings.  ``label`` identifies it in all outputs."""
-
-    label: str
-    method: str | Path | type | Method
-    settings: Mapping[str, Value | str] = field(default_factory=dict)  # strings are parsed by the method's settings
-
-    @classmethod
-    def parse(cls, text: str) -> MethodSpec:
-        """The method of a text ``NAME@setting=value@...``; NAME can be a folder, a file, ``exr:DIR`` or a chain.
-
-        A path is labelled with its class, its file without suffix, or its folder; ``exr:DIR`` with its setting
-        ``label``, by default the name of the folder.  Raises SettingsError.
-        """
-        if LINK in text:
-            links = [cls.parse(part) for part in text.split(LINK)]
-            settings = {k if "." in k else f"{_method_name(s)}.{k}": v for s in links for k, v in s.settings.items()}
-            return cls(LINK.join(s.label for s in links), LINK.join(str(s.method) for s in links), settings)
-        name, *parts = text.split("@")
-        pairs = [part.partition("=") for part in parts]
-        if not name or any(not equals or not key for key, equals, _ in pairs):
-            raise SettingsError(f"{text!r} is not a method", hint="give NAME or NAME@setting=value")
-        settings = {key.strip(): value for key, _, value in pairs}
-        if is_sequence(name):
-            return cls(RecordedFrames.label(name, settings.pop("label", None)), name, settings)
-        return cls("@".join((short_name(name), *parts)), name, settings)
-
-
-def _method_name(spec: MethodSpec) -> str:
-    """The name of a method, which its settings have before them in a chain."""
-    return spec.method if spec.method in builtin_methods() else load_method(spec.method).name
-
-
-def method_text(name: str, settings: Mapping[str, Value | str]) -> str:
-    """The text ``NAME@setting=value@...`` of a method, which ``MethodSpec.parse`` reads."""
-    return "@".join((name, *(f"{key}={value}" for key, value in settings.items())))
-
-
-def short_name(name: str) -> str:
-    """What labels of the method ``name`` of the command line begin with: never the name of another, built-in one."""
-    file, colon, of_class = name.rpartition(":")
-    path = Path(name)
-    if path.name == "method.toml":
-        path = path.resolve().parent
-    short = path.stem if path.suffix == ".py" else path.name
-    if colon and file.endswith(".py"):
-        short = of_class
-    return name if not short or short in builtin_methods() else short
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,7 +213,7 @@ def evaluate_methods(
         owner.gpu.check("reuse evaluation")
         records = [run.record for run in evaluator.runs if not run.record.failed]
         rows = [row for step in zip(*(record.rows for record in records)) for row in step]
-        counted = evaluator.frames[options.warmup :]
+        counted = evaluator.frames[evaluator.warmup :]
         yardsticks = {run.spec.label for run in evaluator.runs if run.entry["yardstick"]}
         statistics = None
         if options.statistics:
@@ -350,8 +301,10 @@ class _MethodRun:
     def asks_for_eye(self) -> bool:
         return isinstance(self.method, Method) and bool({*EYE_INPUTS} & {*self.method.reads})
 
-    def step(self, inputs: FrameInputs, eye: FrameInputs | None = None) -> _Stepped:
+    def step(self, inputs: Frames, eye: FrameInputs | None = None) -> _Stepped:
         """Run the method for one frame, first in the other eye where it asks for it.  Raises MethodError."""
+        if isinstance(inputs, Mapping):
+            inputs = inputs[self.method.generates]
         if self.eye is not None and eye is not None:
             inputs = replace(inputs, textures={**inputs.textures, "eye_result": self.eye.step(eye)})
         result = read_result(self.runner.step(inputs))
@@ -387,14 +340,10 @@ class _Evaluator:
         self._gain: float | None = None
         self._warp_errors: list[float] = []
         self._rays: SampleRays | None = None
-        perceptual = open_perceptual(request.metrics, inputs.settings.sequence.fps)
-        records = (MethodRecord(s.label, frozenset(request.metrics), True, request.warmup, perceptual) for s in specs)
-        self.runs = [_MethodRun(spec, record) for spec, record in zip(specs, records, strict=True)]
-        for run in self.runs if request.seeds > 1 else ():
-            run.record.parts.most_bytes = KEPT_REFERENCE_BYTES // len(self.runs)
+        self.runs = self._load(specs)
         for run in self.runs:
-            with run.isolated():
-                run.load()
+            run.record.warmup = self.warmup
+            run.record.parts.most_bytes = KEPT_REFERENCE_BYTES // len(self.runs) if request.seeds > 1 else 0
         self._require(any(run.method is not None for run in self.runs))  # before anything is rendered
         if self._settings.metrics.history == "both" and not any(run.asks_for_eye for run in self.runs):
             what = f"no method reads {', '.join(EYE_INPUTS)}"
@@ -409,7 +358,8 @@ class _Evaluator:
         self._check_frames()
         if traced is not None:
             seconds = request.reference_time if request.reference == FITTED else None
-            estimate = self._reference.prepare(self.frames, seconds)
+            drawn = range(self.frames[0] - self._generates, self.frames[-1] + 1)
+            estimate = self._reference.prepare(drawn, seconds)
             if announce is not None and (seconds is not None or estimate.seconds is not None):
                 announce(estimate.text)
         elif request.reference == "max":
@@ -424,6 +374,22 @@ class _Evaluator:
         self._mask_source = "exact" if self._inputs.exact_mask is not None else "geometry"
         for run in self.runs:
             run.record.exact_mask = self._mask_source == "exact"
+
+    def _load(self, specs: Sequence[MethodSpec]) -> list[_MethodRun]:
+        """The loaded methods; beside those that generate frames the last rendered frame.  Raises SettingsError."""
+        request = self._request
+        perceptual = open_perceptual(request.metrics, self._settings.sequence.fps)
+        records = (MethodRecord(s.label, frozenset(request.metrics), True, perceptual=perceptual) for s in specs)
+        runs = [_MethodRun(spec, record) for spec, record in zip(specs, records, strict=True)]
+        for run in runs:
+            with run.isolated():
+                run.load()
+        self._generates = all_generate([run.method for run in runs], self._input_request, request.cuts)
+        if self._generates and all(spec.label != BASELINE for spec in specs):
+            return self._load([*specs, MethodSpec(BASELINE, BASELINE)])
+        # Of generated frames, the first intervals between rendered ones are left out.
+        self.warmup = request.warmup * (request.render_every - 1 if self._generates else 1)
+        return runs
 
     @property
     def running(self) -> list[_MethodRun]:
@@ -441,8 +407,8 @@ class _Evaluator:
             raise SettingsError(f"cut {unknown[0]} is not among the frames", hint=f"the frames are {ends}")
         if len(self.frames) < 2:
             raise SettingsError("one frame has no history to reuse", hint="select at least two --frames")
-        if len(self.frames) <= self._request.warmup:
-            message = f"warmup is {self._request.warmup}, and there are {len(self.frames)} frames"
+        if len(self.frames) <= self.warmup:
+            message = f"warmup is {self.warmup}, and there are {len(self.frames)} frames"
             raise SettingsError(message, hint="select more --frames or a smaller --warmup")
 
     def _light_changes(self) -> dict[str, list[int]]:
@@ -455,7 +421,11 @@ class _Evaluator:
         request = self._input_request
         method_reads = {name for run in self.runs if isinstance(run.method, Method) for name in run.method.reads}
         reads, cuts = (method_reads | set(_EVALUATION_READS)) - {REFERENCE_INPUT}, self._request.cuts
-        if request.kind.files is not None:
+        if self._generates:
+            kinds = [run.method.generates for run in self.runs if run.method is not None]
+            exact = self._reference if request.kind.path_samples else None
+            inputs = GeneratedInputs(request, reads - {"exact_mask"}, kinds, self._request.render_every, exact)
+        elif request.kind.files is not None:
             inputs = FileInputs(request, reads, cuts=cuts, exact=self._request.reference)
         else:
             exact = self._reference if request.kind.path_samples else True
@@ -467,7 +437,9 @@ class _Evaluator:
         width, height = inputs.output_size
         kept = _EXACT_BYTES * width * height * len(self.frames)
         inputs.keeps_exact = len(self.seeds) > 1 and kept <= KEPT_REFERENCE_BYTES
-        same = inputs.size == inputs.output_size  # else methods that read the reference fail with its name
+        same = (
+            inputs.size == inputs.output_size and not self._generates
+        )  # else methods that read the reference fail with its name
         if REFERENCE_INPUT in method_reads and inputs.stereo:
             raise SettingsError("a method reads the reference, which the other eye lacks", hint="give --history frame")
         if REFERENCE_INPUT in method_reads and self._reference_texture is None and same:
@@ -519,14 +491,18 @@ class _Evaluator:
         if self._inputs.stereo:
             self._step_all(self._inputs.advance_eye(frame), turn)
         eye = None if self._eye is None else self._eye.advance(frame)
-        inputs = self._inputs.advance(frame)
+        if self._generates and (rendered := self._inputs.rendered(frame)):
+            self._step_all(rendered, turn)
+        inputs = stepped = self._inputs.advance(frame)
         if eye is not None:
-            inputs = self._eye.beside(inputs, eye)
+            inputs = stepped = self._eye.beside(inputs, eye)
+        if self._generates:
+            inputs = stepped[EXTRAPOLATE]
         shading = self._inputs.shading_ms()
         if shading is not None and turn:
             self._shading.append(shading)
         reference = self._frame_reference(frame, inputs, previous, repetition)
-        outputs = self._step_all(self._with_reference(inputs, reference), turn, eye)
+        outputs = self._step_all(self._with_reference(stepped, reference), turn, eye)
         curve, radiance = self._settings.lighting.tone_map, read_result(inputs.textures["radiance"])
         images, errors, rows, maps, linear = {}, {}, {}, {}, {"input": radiance[..., :3]}
         for run in self.running:
@@ -551,7 +527,7 @@ class _Evaluator:
             self.seeds[repetition],
             repetition,
             maps,
-        ), reference.image
+        ), None if self._generates else reference.image
 
     def _samples(
         self, run: _MethodRun, inputs: FrameInputs, stepped: _Stepped, reference: FrameTruth
@@ -586,7 +562,8 @@ class _Evaluator:
         reference = FrameTruth(
             frame, image, previous, mask, classes, motion, self._gain, emitters=known.emitters, halves=halves
         )
-        reference = replace(reference, events=self._events.advance(mask, motion, reference.scored))
+        if not self._generates:
+            reference = replace(reference, events=self._events.advance(mask, motion, reference.scored))
         if halves is not None and not repetition:
             self._noise.append(half_noise(*halves, self._settings.lighting.tone_map, reference.scored))
         return reference
@@ -599,7 +576,7 @@ class _Evaluator:
             self._images[frame] = image
         return image
 
-    def _with_reference(self, inputs: FrameInputs, reference: FrameTruth) -> FrameInputs:
+    def _with_reference(self, inputs: Frames, reference: FrameTruth) -> Frames:
         """``inputs``, with the reference image as a further input where a method reads it."""
         if self._reference_texture is None:
             return inputs
@@ -607,7 +584,7 @@ class _Evaluator:
         write_channel(self._reference_texture, REFERENCE_INPUT, image)
         return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
 
-    def _step_all(self, inputs: FrameInputs, turn: int, eye: FrameInputs | None = None) -> dict[str, _Stepped]:
+    def _step_all(self, inputs: Frames, turn: int, eye: FrameInputs | None = None) -> dict[str, _Stepped]:
         """Run all methods for one frame, by label.  The order rotates by one method per frame.  ``eye``: the other
         eye, for methods that ask for both histories."""
         runs, out = self.running, {}
@@ -623,7 +600,7 @@ class _Evaluator:
 
         None where the reference has no two halves.
         """
-        counted = self._noise[self._request.warmup :]
+        counted = self._noise[self.warmup :]
         return {name: float(np.mean([n[name] for n in counted])) for name in counted[0]} if counted else None
 
     def summary(self) -> dict[str, Any]:
@@ -634,7 +611,7 @@ class _Evaluator:
         if described["seed"] is not None:
             described["seed"] = self.seeds[0]
         shading = float(np.median(self._shading)) if self._shading else None
-        counted = self._warp_errors[self._request.warmup - 1 :]
+        counted = self._warp_errors[self.warmup - 1 :]
         warped = float(np.mean(counted)) if counted else None
         return {
             "schema": SCHEMA,
@@ -642,9 +619,9 @@ class _Evaluator:
                       "sha256": scene.sha256, "stand_in": scene.stand_in},
             "settings": settings.as_summary(self.frames),
             "frames": len(self.frames),
-            "evaluated_frames": len(self.frames) - self._request.warmup,
+            "evaluated_frames": len(self.frames) - self.warmup,
             "seeds": list(self.seeds),
-            "warmup": self._request.warmup,
+            "warmup": self.warmup,
             "input": described | {"shading_ms": shading, "clock": clock},
             "reference": self._reference.describe() | {"warp_error": warped, "gain": self._gain}
             | {"noise_mse": self.noise, "noise_db": self.noise and {n: psnr(v) for n, v in self.noise.items()}},
@@ -654,8 +631,13 @@ class _Evaluator:
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
             "events": {name: doc for name, (*_, doc) in EVENTS.items()},
             "clock": clock,
-            "methods": {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs},
+            "methods": {run.spec.label: run.entry | self._of_method(run) | self._of_samples(run) for run in self.runs},
         } | self._sample_reasons()  # fmt: skip
+
+    def _of_method(self, run: _MethodRun) -> dict[str, Any]:
+        """The scores of a method, with its latency where it generates frames."""
+        every, fps = self._request.render_every, self._settings.sequence.fps
+        return of_method(run.method, run.record.summary(), every, fps) if self._generates else run.record.summary()
 
     def _of_samples(self, run: _MethodRun) -> dict[str, Any]:
         """The block of a method that samples lights."""
@@ -673,16 +655,3 @@ def _nearest(image: Array, size: tuple[int, int]) -> Array:
     """An image at another size, each pixel that of the nearest center."""
     rows, columns = ((2 * np.arange(n) + 1) * side // (2 * n) for n, side in zip(size[::-1], image.shape, strict=False))
     return image[rows[:, None], columns]
-
-
-def method_settings(method: Method, changes: Mapping[str, Value | str]) -> dict[str, Value]:
-    """Settings of ``method`` with defaults; strings are parsed.  Raises MethodError, also for unknown names."""
-    out: dict[str, Value] = {}
-    for name, value in changes.items():
-        setting = method.settings.get(name)
-        text = isinstance(value, str) and setting is not None and setting.kind != "choice"
-        try:
-            out[name] = setting.parse(value) if text else value
-        except MethodError as error:
-            raise MethodError(error.what, where=method.label) from None
-    return method.values(out)

@@ -17,8 +17,8 @@ from taubench_gl.option_groups import FITTED_METRICS, FitOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import git_commit
 from taubench_gl.reuse.contract import Method, Parameter, Value
-from taubench_gl.reuse.evaluate import TWICE, MethodSpec, evaluate_methods, method_settings, method_text, short_name
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.evaluate import TWICE, evaluate_methods
+from taubench_gl.reuse.loading import MethodSpec, load_method, method_settings, method_text, short_name
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import EQUAL
 from taubench_gl.run import Progress

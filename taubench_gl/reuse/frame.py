@@ -54,6 +54,8 @@ class FrameInputs:
     """The inputs of one frame.  ``textures`` contains at least the inputs that the method declares.
 
     ``missing``: input -> why this kind of frames does not have it; ``light``: for methods with ``light = "own"``.
+    ``phase``: 0 for a rendered frame, else the share of the interval between rendered frames that has passed at the
+    generated one; ``shown``: the camera of the generated frame, None: ``view``.
     """
 
     index: int  # 0 for the first frame of the sequence, which has no history
@@ -69,6 +71,12 @@ class FrameInputs:
     cut: bool  # declared by the caller: this frame has no history
     missing: Mapping[str, str] = field(default_factory=dict)
     light: Any = None  # scene_light.SceneLight
+    phase: float = 0.0
+    shown: View | None = None
+
+    def shown_clip_from_current(self, width: int, height: int) -> np.ndarray:
+        """Clip of the shown frame from positions relative to the current camera, world axes: (4, 4) float64."""
+        return (self.shown or self.view).clip_from_relative(width, height, self.view.position)
 
 
 def input_texture(gpu: Gpu, name: str, size: tuple[int, int]) -> moderngl.Texture:
@@ -100,8 +108,8 @@ def frame_arrays(frame: FrameInputs, reads: tuple[str, ...], has_history: bool) 
     """The argument of a Python method's ``step``: its inputs as arrays and the numbers of the frame, y down.
 
     ``index time exposure cut has_history``; ``jitter_px``, ``prev_jitter_px`` (2,); ``clip_from_current``,
-    ``prev_clip_from_prev`` (4, 4) and ``camera_delta`` (3,), float64; ``pair`` (Reprojection), ``view``,
-    ``prev_view`` (View).
+    ``prev_clip_from_prev``, ``shown_clip_from_current`` (4, 4) and ``camera_delta`` (3,), float64; ``phase``; ``pair``
+    (Reprojection), ``view``, ``prev_view`` (View).
     """
     arrays: dict[str, Any] = {
         name: np.ascontiguousarray(read_channel(frame.textures[name], name.removeprefix("eye_"))) for name in reads
@@ -120,4 +128,6 @@ def frame_arrays(frame: FrameInputs, reads: tuple[str, ...], has_history: bool) 
         "pair": frame.pair,
         "view": frame.view,
         "prev_view": frame.prev_view,
+        "phase": frame.phase,
+        "shown_clip_from_current": frame.shown_clip_from_current(frame.pair.width, frame.pair.height),
     }

@@ -36,6 +36,7 @@ FRAME = Struct(
     "ReuseFrame",
     *PAIR_FIELDS,
     Field("key_clip_from_key", "mat4", "key frame's clip from position relative to its camera, world axes"),
+    Field("shown_clip_from_current", "mat4", "clip of the shown frame from position, world axes: its newest camera"),
     Field("key_delta", "vec4", "xyz: current - key frame's camera position, meters"),
     Field("size", "ivec4", "xy: pixels of the result; zw: of the inputs"),
     Field("jitter_px", "vec2", "pixels, sub-pixel offset of this frame's samples, +x right, +y up"),
@@ -48,6 +49,7 @@ FRAME = Struct(
     Field("has_history", "uint", "1 if prev_ values are of the previous frame, 0 if they are zero (first frame, cut)"),
     Field("is_key", "uint", "1 if this frame is the key frame (methods that declare one)"),
     Field("key_age", "int", "frames since the key frame"),
+    Field("phase", "float", "0: a rendered frame, else share of the interval between them (methods that generate)"),
 )
 
 Stored = moderngl.Texture | moderngl.Buffer
@@ -525,6 +527,8 @@ class GlslPasses(GpuOwner):
             record[name] = value
         record["size"][:2], record["size"][2:] = self._sizes["output"], self._sizes["input"]
         record["jitter_px"], record["prev_jitter_px"] = frame.jitter_px, frame.prev_jitter_px
+        record["shown_clip_from_current"] = column_major(frame.shown_clip_from_current(*self._sizes["input"]))
+        record["phase"] = frame.phase
         record["time"], record["exposure"] = frame.time, frame.exposure
         record["near"], record["prev_near"] = pair.near, pair.prev_near
         record["index"], record["has_history"] = frame.index, has_history

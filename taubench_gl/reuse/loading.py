@@ -1,4 +1,5 @@
-"""Loading methods: built-in ones, entry points ``taubench_gl.methods``, folders, files and classes."""
+"""Loading methods: built-in ones, entry points ``taubench_gl.methods``, folders, files and classes; and methods with
+settings as the command line names them."""
 
 from __future__ import annotations
 
@@ -7,18 +8,24 @@ import importlib.metadata
 import importlib.util
 import inspect
 import sys
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 
 from taubench_gl.data_files import read_bytes
-from taubench_gl.errors import MethodError
+from taubench_gl.errors import MethodError, SettingsError
+from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.chain import LINK, chained
-from taubench_gl.reuse.contract import Method, suggestion
+from taubench_gl.reuse.contract import Method, Value, suggestion
 from taubench_gl.reuse.declaration import BUILTIN, FILE, MAX_METHOD_BYTES, load_folder, method_from_class
+from taubench_gl.reuse.recorded import RecordedFrames
 
-__all__ = ["BUILTIN", "ENTRY_POINTS", "builtin_methods", "installed_methods", "load_method"]
+__all__ = [
+    "BUILTIN", "ENTRY_POINTS", "MethodSpec", "builtin_methods", "installed_methods", "load_method", "method_settings",
+    "method_text", "short_name",
+]  # fmt: skip
 
 ENTRY_POINTS = "taubench_gl.methods"
 
@@ -30,8 +37,10 @@ def builtin_methods() -> tuple[str, ...]:
 
 
 def frame_methods() -> tuple[str, ...]:
-    """Names of the built-in methods that reuse shaded frames; the others compute their direct light themselves."""
-    return tuple(name for name in builtin_methods() if not load_method(name).own_light)
+    """Names of the built-in methods that reuse shaded frames; the others compute their direct light themselves, or
+    generate frames."""
+    methods = [load_method(name) for name in builtin_methods()]
+    return tuple(method.name for method in methods if not method.own_light and method.generates is None)
 
 
 def installed_methods() -> dict[str, str]:
@@ -141,3 +150,67 @@ def _class_in(module: ModuleType, name: str | None, where: str) -> type:
         where=where,
         hint=None if not classes else f"select one: {where}:{classes[0].__name__}",
     )
+
+
+@dataclass(frozen=True, slots=True)
+class MethodSpec:
+    """A method and its settings.  ``label`` identifies it in all outputs."""
+
+    label: str
+    method: str | Path | type | Method
+    settings: Mapping[str, Value | str] = field(default_factory=dict)  # strings are parsed by the method's settings
+
+    @classmethod
+    def parse(cls, text: str) -> MethodSpec:
+        """The method of a text ``NAME@setting=value@...``; NAME can be a folder, a file, ``exr:DIR`` or a chain.
+
+        A path is labelled with its class, its file without suffix, or its folder; ``exr:DIR`` with its setting
+        ``label``, by default the name of the folder.  Raises SettingsError.
+        """
+        if LINK in text:
+            links = [cls.parse(part) for part in text.split(LINK)]
+            settings = {k if "." in k else f"{_method_name(s)}.{k}": v for s in links for k, v in s.settings.items()}
+            return cls(LINK.join(s.label for s in links), LINK.join(str(s.method) for s in links), settings)
+        name, *parts = text.split("@")
+        pairs = [part.partition("=") for part in parts]
+        if not name or any(not equals or not key for key, equals, _ in pairs):
+            raise SettingsError(f"{text!r} is not a method", hint="give NAME or NAME@setting=value")
+        settings = {key.strip(): value for key, _, value in pairs}
+        if is_sequence(name):
+            return cls(RecordedFrames.label(name, settings.pop("label", None)), name, settings)
+        return cls("@".join((short_name(name), *parts)), name, settings)
+
+
+def _method_name(spec: MethodSpec) -> str:
+    """The name of a method, which its settings have before them in a chain."""
+    return spec.method if spec.method in builtin_methods() else load_method(spec.method).name
+
+
+def method_text(name: str, settings: Mapping[str, Value | str]) -> str:
+    """The text ``NAME@setting=value@...`` of a method, which ``MethodSpec.parse`` reads."""
+    return "@".join((name, *(f"{key}={value}" for key, value in settings.items())))
+
+
+def short_name(name: str) -> str:
+    """What labels of the method ``name`` of the command line begin with: never the name of another, built-in one."""
+    file, colon, of_class = name.rpartition(":")
+    path = Path(name)
+    if path.name == "method.toml":
+        path = path.resolve().parent
+    short = path.stem if path.suffix == ".py" else path.name
+    if colon and file.endswith(".py"):
+        short = of_class
+    return name if not short or short in builtin_methods() else short
+
+
+def method_settings(method: Method, changes: Mapping[str, Value | str]) -> dict[str, Value]:
+    """Settings of ``method`` with defaults; strings are parsed.  Raises MethodError, also for unknown names."""
+    out: dict[str, Value] = {}
+    for name, value in changes.items():
+        setting = method.settings.get(name)
+        text = isinstance(value, str) and setting is not None and setting.kind != "choice"
+        try:
+            out[name] = setting.parse(value) if text else value
+        except MethodError as error:
+            raise MethodError(error.what, where=method.label) from None
+    return method.values(out)

@@ -159,7 +159,7 @@ class PathTracedReference(GpuOwner):
         self.radiance, self.others = LIGHT_FEATURES, ()
         self.unmeasured: Mapping[str, str] = {}
         self._textures = [{name: self.own(gpu.texture(self.size)) for name in self.radiance} for _ in range(2)]
-        self._frame: int | None = None
+        self.step, self._frame = 1, None  # ``step``: as of ``RasterSource``
         self._image = ReferenceImage(np.zeros((self.size[1], self.size[0], 3), dtype=np.float32))
 
     def prepare(self, frames: range, seconds: float | None) -> Estimate:
@@ -175,6 +175,7 @@ class PathTracedReference(GpuOwner):
         return sums.samples * error * 10.0 ** (QUIET_DB / 10.0)
 
     def advance(self, frame: int) -> View:
+        self._source.step = self.step
         view = self._source.advance(frame)
         self._textures.reverse()
         reference = self.references.frame(frame)

@@ -259,7 +259,7 @@ class MethodRecord:
         if of_eye is not None and counted:
             bound = bound_of_frame(of_eye, result, expected.radiance, valid, reference.emitters)
             self.eye_bounds.seeds.setdefault(self._seed, []).append(bound)
-        if self._previous is not None:  # the first frame has no history
+        if self._previous is not None and reference.previous is not None:  # the first frame has no history
             allowed = quality.reusable(reference.mask)
             row |= self._temporal(shown, expected, reference, allowed, counted)
             row |= weights(result[..., 3], allowed if self.exact_mask else None)

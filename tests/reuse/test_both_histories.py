@@ -12,9 +12,9 @@ from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse import evaluate_methods
-from taubench_gl.reuse.evaluate import MethodSpec
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, OtherEye, RasterInputs
+from taubench_gl.reuse.loading import MethodSpec
 
 pytestmark = pytest.mark.usefixtures("fixed_light")
 

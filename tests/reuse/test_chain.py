@@ -11,10 +11,9 @@ from sample_tools import lamps, opened
 
 from taubench_gl.benchmark.unit import Entry
 from taubench_gl.errors import MethodError
-from taubench_gl.reuse.evaluate import MethodSpec
 from taubench_gl.reuse.fit import expand_methods
 from taubench_gl.reuse.frame import input_texture, read_result
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.loading import MethodSpec, load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader
 

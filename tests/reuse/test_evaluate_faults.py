@@ -9,9 +9,8 @@ from reuse_tools import PLAIN_TOML, evaluate, run_cli, write_method
 
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.report.reuse import reuse_tables
-from taubench_gl.reuse.evaluate import MethodSpec, method_settings
 from taubench_gl.reuse.evaluate_output import ReuseFolder
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.loading import MethodSpec, load_method, method_settings
 
 pytestmark = pytest.mark.usefixtures("fixed_light")
 

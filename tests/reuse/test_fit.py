@@ -14,7 +14,6 @@ from reuse_tools import run_cli
 from taubench_gl.errors import MethodError, SettingsError
 from taubench_gl.option_groups import FitOptions
 from taubench_gl.paths import ASSETS
-from taubench_gl.reuse.evaluate import MethodSpec
 from taubench_gl.reuse.evaluate_output import write_fit
 from taubench_gl.reuse.fit import (
     AT_LIMIT,
@@ -25,7 +24,7 @@ from taubench_gl.reuse.fit import (
     fit_setting,
     parse_range,
 )
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.loading import MethodSpec, load_method
 from taubench_gl.reuse.scores import EQUAL
 
 pytestmark = pytest.mark.usefixtures("coarse_light")

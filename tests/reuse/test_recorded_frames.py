@@ -12,8 +12,8 @@ from reuse_tools import evaluate, run_cli
 
 from taubench_gl.errors import MethodError, SettingsError
 from taubench_gl.pathtraced.exr import read_exr, write_exr
-from taubench_gl.reuse.evaluate import MethodSpec
 from taubench_gl.reuse.evaluate_output import ReuseFolder
+from taubench_gl.reuse.loading import MethodSpec
 from taubench_gl.reuse.recorded import RecordedFrames, ResultWriter
 
 pytestmark = pytest.mark.usefixtures("fixed_light")

@@ -9,7 +9,8 @@ from reuse_scenes import SECONDS, lit_room, settings, still
 from reuse_tools import arrays, open_inputs
 
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods
+from taubench_gl.reuse.evaluate import evaluate_methods
+from taubench_gl.reuse.loading import MethodSpec
 from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 from taubench_gl.srgb import LUMINANCE
 

@@ -1,0 +1,132 @@
+"""Inputs of methods that generate frames: rendered frames only, and the newest camera.
+
+Frames of the sequence are those that are displayed, and every ``render_every``-th one is rendered.  Motion, masks and
+history of inputs are between rendered frames.  Exact masks compare a generated frame with the last rendered one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Any
+
+from taubench_gl.animation.jitter import halton_jitter
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation import frame_range
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.sources import Source
+from taubench_gl.reuse.contract import Method
+from taubench_gl.reuse.frame import FrameInputs
+from taubench_gl.reuse.inputs import FrameRequest, MaskPass, RasterInputs, light_settings
+
+BASELINE = "present-last"
+"""The method that shows the last rendered frame."""
+
+EXTRAPOLATE, INTERPOLATE = "extrapolate", "interpolate"
+"""Values of ``Method.generates``."""
+
+NOT_IN_TURN = "generated frames have rendered ones between them"
+
+
+def all_generate(methods: Sequence[Any], request: FrameRequest, cuts: Collection[int]) -> bool:
+    """Whether ``methods`` generate frames.  Raises SettingsError where only some do, or the frames do not allow it."""
+    generates = [getattr(method, "generates", None) is not None for method in methods if method is not None]
+    kind, one_shot = request.kind, not cuts and request.settings.metrics.history == "frame"
+    if any(generates) and not all(generates):
+        raise SettingsError("methods that generate frames are evaluated among themselves", hint="leave out the others")
+    if any(generates) and not (one_shot and kind.files is None and kind.rate == "full" and kind.upscale == 1):
+        hint = "give --input full, jittered, noisy or path-traced@N, and no --cut or --history"
+        raise SettingsError(
+            "methods generate frames from whole rendered ones of one shot, of their own size", hint=hint
+        )
+    return any(generates)
+
+
+def of_method(method: Method, summary: dict[str, Any], every: int, fps: float) -> dict[str, Any]:
+    """``summary`` of a method in reuse.json, with its latency: ``frames``, rendered ones that the display waits for,
+    and ``ms`` that every frame is displayed later.
+
+    A method that interpolates displays the first frame of an interval when the rendered frame at its end is there.
+    """
+    waits = method.generates == INTERPOLATE
+    reasons = summary.get("reasons", {}) | dict.fromkeys(("tpsnr_db", "flicker", "warp_error"), NOT_IN_TURN)
+    return summary | {
+        "latency": {"frames": int(waits), "ms": 1000.0 * (every - 1) / fps if waits else 0.0}, "reasons": reasons,
+    }  # fmt: skip
+
+
+class GeneratedInputs(GpuOwner):
+    """Frames for methods that generate frames, in place of ``Inputs``.
+
+    ``frames``: the generated ones; ``rendered`` and then ``advance`` are called for each in order.
+    """
+
+    stereo = keeps_exact = False
+
+    def __init__(
+        self, request: FrameRequest, reads: Collection[str], kinds: Collection[str], every: int, exact: Source | None
+    ):
+        """Open the rendered and the exact frames.  Raises SettingsError for fewer than three rendered ones.
+
+        ``kinds``: of ``Method.generates``; ``every``: one of this many displayed frames is rendered; ``exact``: source
+        of exact frames, which stays the caller's, None: a new one.
+        """
+        super().__init__(request.gpu)
+        self._every, self._request, self.settings = every, request, light_settings(request.settings, request.kind)
+        shown = frame_range(request.scene, request.camera, request.settings)
+        self._first, last = -(-shown.start // every) * every, (shown.stop - 1) // every * every
+        if last < self._first + 2 * every:
+            what = f"of {len(shown)} frames fewer than 3 are rendered"
+            raise SettingsError(what, hint="select more --frames or a smaller --render-every")
+        self.frames = [frame for frame in range(self._first, last) if frame % every]
+        self._now: dict[str, FrameInputs] = {}  # by kind of method
+        with self.opening():
+            # Those that interpolate get each rendered frame an interval earlier than the others.
+            self._sources = {kind: self._open(reads) for kind in dict.fromkeys((EXTRAPOLATE, *kinds))}
+            shading = Shading(gather_each=request.kind.noisy)
+            self._exact = exact or self.open_source(request.animated, self.settings, shading=shading)
+            self._masks = MaskPass(self, self._exact, self.settings, self._exact.radiance)
+        self.exact_mask, self.exact_motion = self._masks.mask, self._masks.motion
+        self.size = self.output_size = self._exact.size
+
+    def _open(self, reads: Collection[str]) -> RasterInputs:
+        every = self._every
+        inputs = self.own(RasterInputs(self._request, reads, jitter=lambda frame: halton_jitter(frame // every)))
+        inputs.source.step = every
+        return inputs
+
+    def begin(self, seed: int) -> None:
+        """The next frame is the first of a sequence with the random numbers of ``seed``."""
+        self._now = {}
+        for inputs in self._sources.values():
+            inputs.begin(seed)
+
+    def rendered(self, frame: int) -> dict[str, FrameInputs]:
+        """Inputs of the rendered frame before the generated ``frame``, by kind of method; empty for later ones."""
+        if frame % self._every != 1:
+            return {}
+        new = {kind: inputs for kind, inputs in self._sources.items() if kind == EXTRAPOLATE or kind not in self._now}
+        self._now |= {kind: inputs.advance(frame - 1) for kind, inputs in new.items()}
+        return dict(self._now)
+
+    def advance(self, frame: int) -> dict[str, FrameInputs]:
+        """The inputs of the generated ``frame``, by kind of method; textures are valid until the next rendered one."""
+        step = frame % self._every
+        if step == 1 and INTERPOLATE in self._sources:
+            self._now[INTERPOLATE] = self._sources[INTERPOLATE].advance(frame - 1 + self._every)
+        before = self._exact.advance(frame - step)
+        self._exact.step = step
+        view = self._exact.advance(frame)
+        self._masks.run(reprojection(view.centered(), before.centered(), *self.size), 0)
+        camera = self._request.animated.view_at(frame / self.settings.sequence.fps)
+        change = {"index": frame - self._first, "phase": step / self._every, "shown": camera}
+        return {kind: replace(inputs, **change) for kind, inputs in self._now.items()}
+
+    def shading_ms(self) -> float | None:
+        return self._sources[EXTRAPOLATE].shading_ms()
+
+    def describe(self) -> dict[str, Any]:
+        """The block ``input`` of reuse.json."""
+        return self._sources[EXTRAPOLATE].describe() | {"render_every": self._every}

@@ -1,0 +1,47 @@
+"""Two-sided interpolation between the last two rendered frames, with occlusion from the motion of both."""
+
+import numpy as np
+
+from taubench_gl.reuse.splatting import BACKGROUND, moving, splat
+
+
+class Interpolate:
+    """Both frames are splatted to the time between them.  Where they show the same depth they are blended by time; else
+    the surface that is nearer, or that one frame alone has, is shown.
+
+    Forward motion of the earlier frame is the motion of the later one, splatted back; what the later one hides goes on
+    moving as before.  Departs: no optical flow, so shadows and reflections are blended where they were and are.
+    """
+
+    name = "interpolate"
+    title = "Two-sided interpolation by splatting"
+    cite = (
+        "Andreev 2010, Real-time frame rate up-conversion for video games, SIGGRAPH Talks",
+        "Yang et al. 2011, Image-based bidirectional scene reprojection, ACM TOG 30 (6): both rendered frames",
+    )
+    reads = ("radiance", "motion", "position")
+    generates = "interpolate"
+
+    def __init__(self, size, settings):
+        self.earlier = None
+
+    def step(self, frame):
+        depth = np.where(frame["position"][..., 3] > 0, frame["position"][..., 3], np.inf)
+        now = frame["radiance"][..., :3], moving(frame["motion"]), depth
+        if frame["phase"] == 0 or self.earlier is None:
+            self.earlier = now
+            return now[0]
+        helpers, share = frame["helpers"], frame["phase"]
+        (color, motion, _), (then, then_motion, then_depth) = now, self.earlier
+        pixels = helpers.pixels()
+        back = splat(pixels + motion, depth)
+        seen = back.covered & (back.depth <= then_depth * BACKGROUND)
+        forward = np.where(seen[..., None], -helpers.nearest(motion, back.at), -then_motion)
+        late = splat(pixels + (1 - share) * motion, depth)
+        early = splat(pixels + share * forward, then_depth)
+        weight = np.full(depth.shape, share)
+        weight = np.where(late.depth < early.depth / BACKGROUND, 1.0, weight)
+        weight = np.where(early.depth < late.depth / BACKGROUND, 0.0, weight)
+        weight = np.where(late.covered & ~early.covered, 1.0, weight)
+        weight = np.where(early.covered & ~late.covered, 0.0, weight)[..., None]
+        return weight * late.values(color, helpers) + (1 - weight) * early.values(then, helpers)
