@@ -121,6 +121,7 @@ def reuse_tables(summary: Summary) -> list[Table]:
         + sample_tables(valid_methods(summary), summary.get("sample_reasons", {}))
         + _response_table(summary)
         + _parts_table(summary)
+        + _generated_table(summary)
     )
     return tables + comparison_tables(summary) + further
 
@@ -152,6 +153,23 @@ def _parts_table(summary: Summary) -> list[Table]:
         "over frames; a small squared bias can be below 0 by noise."
     )
     return [Table(12, "Bias and variance", tuple(columns), tuple(rows), (note,))] if rows else []
+
+
+def _generated_table(summary: Summary) -> list[Table]:
+    """Latency of methods that generate frames, and what they gain over the last rendered frame."""
+    methods = {label: m for label, m in valid_methods(summary).items() if m.get("latency")}
+    base = methods["present-last"]["mean"]["psnr_db"] if "present-last" in methods else None
+    rows = []
+    for label, method in methods.items():
+        own, latency = method["mean"]["psnr_db"], method["latency"]
+        rows.append(Row(label, (None if None in (own, base) else own - base, latency["frames"], latency["ms"])))
+    columns = (Column("gain, PSNR", "dB", 2), Column("latency", "rendered frames"), Column("latency", "ms", 1))
+    note = (
+        f"One of {summary['input'].get('render_every')} frames is rendered; the others are scored against frames "
+        "rendered at their times, and with the last rendered frame in their place (present-last). Pixel classes: what "
+        "changed since the last rendered frame. Latency: without the time that the method takes."
+    )
+    return [Table(13, "Generated frames", columns, tuple(rows), (note,))] if rows else []
 
 
 def mean_response(summary: Summary) -> Table:

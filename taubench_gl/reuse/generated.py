@@ -22,7 +22,6 @@ from taubench_gl.reuse.frame import FrameInputs
 from taubench_gl.reuse.inputs import FrameRequest, MaskPass, RasterInputs, light_settings
 
 BASELINE = "present-last"
-"""The method that shows the last rendered frame."""
 
 EXTRAPOLATE, INTERPOLATE = "extrapolate", "interpolate"
 """Values of ``Method.generates``."""
@@ -38,9 +37,7 @@ def all_generate(methods: Sequence[Any], request: FrameRequest, cuts: Collection
         raise SettingsError("methods that generate frames are evaluated among themselves", hint="leave out the others")
     if any(generates) and not (one_shot and kind.files is None and kind.rate == "full" and kind.upscale == 1):
         hint = "give --input full, jittered, noisy or path-traced@N, and no --cut or --history"
-        raise SettingsError(
-            "methods generate frames from whole rendered ones of one shot, of their own size", hint=hint
-        )
+        raise SettingsError("frames are generated from whole rendered ones of one shot, of their size", hint=hint)
     return any(generates)
 
 

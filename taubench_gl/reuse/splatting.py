@@ -15,8 +15,7 @@ from taubench_gl.reuse.frame import FAR_AWAY_PX
 Array = np.ndarray
 
 REACH_PX = 0.6
-"""A sample covers the pixels whose centers are at most this far from it in x and in y: surfaces that are magnified by
-up to 1.2 have no cracks, edges grow by at most 0.1 pixels."""
+"""A sample covers pixel centers up to this far in x and y: no cracks up to magnification 1.2; edges grow by 0.1."""
 
 BACKGROUND = 1.1
 """Depths that differ by less than this factor are of one surface, or equally far."""

@@ -11,10 +11,7 @@ class Extrapolate:
 
     name = "extrapolate"
     title = "Motion extrapolation by splatting"
-    cite = (
-        "Didyk et al. 2010, Perceptually-motivated real-time temporal upsampling of 3D content, EG",
-        "Guo et al. 2021, ExtraNet: real-time extrapolated rendering, ACM TOG 40 (6): motion of the last two frames",
-    )
+    cite = "Guo et al. 2021, ExtraNet: real-time extrapolated rendering, ACM TOG 40 (6): without its network"
     reads = ("radiance", "motion", "position")
     generates = "extrapolate"
 
@@ -23,7 +20,5 @@ class Extrapolate:
 
     def step(self, frame):
         helpers, color = frame["helpers"], frame["radiance"][..., :3]
-        if frame["phase"] == 0:
-            return color
         at = helpers.pixels() - frame["phase"] * moving(frame["motion"])
         return splat(at, frame["position"][..., 3]).values(color, helpers)

@@ -15,10 +15,7 @@ class Interpolate:
 
     name = "interpolate"
     title = "Two-sided interpolation by splatting"
-    cite = (
-        "Andreev 2010, Real-time frame rate up-conversion for video games, SIGGRAPH Talks",
-        "Yang et al. 2011, Image-based bidirectional scene reprojection, ACM TOG 30 (6): both rendered frames",
-    )
+    cite = "Yang et al. 2011, Image-based bidirectional scene reprojection, ACM TOG 30 (6)"
     reads = ("radiance", "motion", "position")
     generates = "interpolate"
 

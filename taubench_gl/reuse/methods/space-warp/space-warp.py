@@ -13,23 +13,16 @@ class SpaceWarp:
 
     name = "space-warp"
     title = "Positional space warp to the newest camera"
-    cite = (
-        "McMillan and Bishop 1995, Plenoptic modeling, SIGGRAPH: image warping by depth",
-        "Mark, McMillan, Bishop 1997, Post-rendering 3D warping, I3D: between rendered frames",
-    )
+    cite = "McMillan and Bishop 1995, Plenoptic modeling, SIGGRAPH: image warping by depth"
     reads = ("radiance", "position", "prev_position")
     generates = "extrapolate"
-    settings = {  # noqa: RUF012 (the contract of a method)
-        "objects": {"default": True, "doc": "surfaces also go on moving in the world, as between the last two frames"},
-    }
+    settings = {"objects": {"default": True, "doc": "surfaces also go on moving in the world"}}  # noqa: RUF012
 
     def __init__(self, size, settings):
         self.objects = settings["objects"]
 
     def step(self, frame):
         color, position, pair = frame["radiance"][..., :3], frame["position"], frame["pair"]
-        if frame["phase"] == 0:
-            return color
         height, width = color.shape[:2]
         surface = position[..., 3:] > 0
         x, y = np.meshgrid(np.arange(width), np.arange(height)[::-1])  # y of the rays is up
