@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taubench_gl.capture.cube2.octree import ALPHA, MOST_CORNERS, Cubes
+from taubench_gl.capture.cube2.level import ALPHA, MOST_CORNERS, Cubes
 
 Array = np.ndarray
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from taubench_gl.capture import light
 from taubench_gl.capture.cube2.faces import drawn_triangles
-from taubench_gl.capture.cube2.level import LIGHT, MODEL, SPOTLIGHT, Level
-from taubench_gl.capture.cube2.octree import ALPHA
+from taubench_gl.capture.cube2.level import ALPHA, LIGHT, MODEL, SPOTLIGHT, Level
 from taubench_gl.capture.cube2.textures import Files, Texture, read_textures, texture_coordinates
 from taubench_gl.capture.parts import MIRROR, SceneFile
 from taubench_gl.errors import SceneError
@@ -17,7 +16,6 @@ Array = np.ndarray
 
 RIGHT_HANDED = [1, 0, 2]
 """Axes of ``capture.recording`` from the engine's: along +y, and +x to the left."""
-_VOLUMES = {1: "cubes of water", 2: "cubes of lava", 3: "cubes of glass"}
 
 
 def add_world(file: SceneFile, level: Level, files: Files, map_name: str) -> None:
@@ -35,13 +33,15 @@ def add_world(file: SceneFile, level: Level, files: Files, map_name: str) -> Non
         primitives.append(file.primitive(*axes, uvs, triangles, material))
     file.counts["triangles of the map"] += len(slots)
     file.writer.node("world", **({"mesh": file.writer.mesh(map_name, *primitives)} if primitives else {}))
-    cubes = level.cubes
-    for number, name in _VOLUMES.items():
-        file.lost[name] += int((cubes.material & 7 == number).sum())
-    file.lost["see-through cubes, which are opaque"] += int((cubes.material & ALPHA != 0).sum())
-    kinds = level.entities["kind"]
-    file.lost["models of the map"] += int((kinds == MODEL).sum())
-    file.lost["items, teleports and other things of the map"] += int((kinds > SPOTLIGHT).sum())
+    material, kind = level.cubes.material, level.entities["kind"]
+    lost = {
+        "cubes of water, lava or glass": material & 7 > 0,
+        "see-through cubes, which are opaque": material & ALPHA > 0,
+        "models of the map": kind == MODEL,
+        "spotlights": kind == SPOTLIGHT,
+        "items, teleports and other things of the map": kind > SPOTLIGHT,
+    }
+    file.lost.update({name: int(found.sum()) for name, found in lost.items()})
 
 
 def _material(
@@ -65,7 +65,7 @@ def _material(
     except SceneError:
         file.lost["normal maps that are missing"] += 1
     color = file.writer.texture(np.ascontiguousarray(image[..., :3]), lossy=True)
-    shown = tuple(np.clip(np.nan_to_num(texture.color, nan=1.0), 0, 1).tolist())
+    shown = tuple(np.clip(texture.color, 0, 1).tolist())
     material = file.writer.material(f"slot {slot}", shown, roughness=0.9, texture=color, normal=normal)
     return material, texture_coordinates(places, sides, texture, size)
 
@@ -80,15 +80,12 @@ def add_lights(file: SceneFile, level: Level) -> None:
         add_point(file, "light", "light entities", place, np.array(color) / 255, radius, np.ones(1))
     known = level.variables.get
     color, scale = _rgb(known("sunlight")), known("sunlightscale", 1.0)
-    if color.max() > 0 and isinstance(scale, float) and 0 < scale < 1e3:
+    if color.any() and isinstance(scale, float) and 0 < scale < 1e3:
         yaw, pitch = (np.radians(float(known(name, 0))) for name in ("sunlightyaw", "sunlightpitch"))
         toward = np.array([np.cos(yaw) * np.cos(pitch), -np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
         file.sun(toward, tuple(color / color.max()), light.sun_lux(255 * scale * float(color.max())))
         file.counts["suns"] += 1
-    file.lost["spotlights"] += int((level.entities["kind"] == SPOTLIGHT).sum())
-    file.lost["light from all sides (ambient, skylight)"] += sum(
-        _rgb(known(name)).any() for name in ("ambient", "skylight")
-    )
+    file.lost["light from all sides (ambient, skylight)"] += int(any(known(name) for name in ("ambient", "skylight")))
 
 
 def _rgb(value: object) -> Array:
