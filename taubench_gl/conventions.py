@@ -19,7 +19,7 @@ from typing import Any
 
 SUMMARY_SCHEMA = "taubench-gl/summary/2"
 
-DEFINITIONS = 4
+DEFINITIONS = 5
 """Raised whenever a number can change for the same input and settings (docs/changes-of-numbers.md).
 
 Stored results without it are of definition 1.  Results of two values are never compared, merged, resumed or read from a

@@ -47,7 +47,7 @@ _STEP = re.compile(r"\.([^.\[\]`]+)|\[(\d+)\]")
 _WORDS = {"object": "an object", "array": "a list", "str": "text", "float": "a number", "int": "an integer",
           "bool": "true or false"}  # fmt: skip
 _MAX_DIGITS = 20  # of an integer: 64 bits with a sign
-_ARRAY_FAULTS = (
+ARRAY_FAULTS = (
     OSError, ValueError, KeyError, EOFError, MemoryError, AttributeError, TypeError, zipfile.BadZipFile, zlib.error,
     NotImplementedError,
 )  # fmt: skip
@@ -146,7 +146,7 @@ def stored_arrays(path: str | Path, fault: Fault = OutputError, hint: str | None
             with np.load(file, allow_pickle=False) as arrays:
                 require(sum(entry.file_size for entry in arrays.zip.infolist()), "the arrays", fault, str(path))
                 yield arrays
-        except _ARRAY_FAULTS as error:
+        except ARRAY_FAULTS as error:
             raise fault(f"is damaged: {error!s:.200}", where=str(path), hint=hint) from None
 
 

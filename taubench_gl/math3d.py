@@ -37,6 +37,8 @@ def bounds(points: Array) -> tuple[Array, Array]:
     whole = count // 64 * 64
     if count < 1024 or not points.flags.c_contiguous:
         return points.min(axis=0), points.max(axis=0)
+    if columns == 1:
+        return points.min(keepdims=True)[0], points.max(keepdims=True)[0]
     wide, rest = points[:whole].reshape(-1, 64 * columns), points[whole:]
     low = np.concatenate([wide.min(axis=0).reshape(64, columns), rest]).min(axis=0)
     return low, np.concatenate([wide.max(axis=0).reshape(64, columns), rest]).max(axis=0)

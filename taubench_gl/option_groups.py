@@ -131,6 +131,9 @@ class TrainingOptions(Checked):
 
 NO_TRAINING = TrainingOptions()
 
+LEARNING = ("nss", "noisebase")
+"""Formats of an export that are data for learning: noisy and clean light."""
+
 
 @dataclass(frozen=True, slots=True)
 class ExportOptions(Checked):
@@ -140,8 +143,9 @@ class ExportOptions(Checked):
 
     format: str = setting(
         "exr",
-        "exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout",
-        one_of(("exr", "npz", "zarr", "sintel")),
+        "exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout.  "
+        "nss: data of ng-model-gym for super sampling.  noisebase: data of noisebase for denoising",
+        one_of(("exr", "npz", "zarr", "sintel", *LEARNING)),
         short=True,
     )
     channels: tuple[str, ...] = setting(
@@ -188,9 +192,9 @@ class ReuseOptions(Checked):
     vpl_samples: int = VPL_SAMPLES
     reference: str | None = setting(
         None,
-        "path-traced: path-traced light with the samples that fit --reference-time; path-traced@M: of M samples per "
-        "pixel; both stored and extended.  max: exact light of the raster method, supersampled.  exr:DIR: path-traced "
-        "frames with the same numbers",
+        "path-traced: path-traced light with the samples that fit --reference-time, or as few as leave no noise "
+        "to see; path-traced@M: of M samples per pixel; both stored and extended.  max: exact light of the raster "
+        "method, supersampled.  exr:DIR: path-traced frames with the same numbers",
         short=True,
         metavar="max|path-traced[@M]|exr:DIR",
         shown="path-traced for path-traced input, else max",
@@ -248,14 +252,15 @@ class CostOptions(Checked):
         short=True,
         metavar="POINTS",
     )
-    longest: float | None = setting(
-        300.0,
-        "Leave out what is expected to take longer than this, such as 90s, 5m or none",
+    time: float | None = setting(
+        90.0,
+        "Time of all evaluations, such as 90s, 5m or none: what is not expected to fit is left out.  At most half of "
+        "it is for the truth",
         above_zero("a time above 0"),
         read=_seconds,
         short=True,
         metavar="T",
-        shown="5m",
+        shown="90s",
     )
     clock: str = setting(
         "wall",
@@ -314,17 +319,10 @@ class PaperOptions(Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class EngineOptions(Checked):
-    """Which engine runs the units of a study, with how many workers, and how many pairs a unit has."""
+class WorkerOptions(Checked):
+    """How many worker processes run the units of a study, and how many pairs a unit has."""
 
-    workers: int | None = setting(None, "Worker processes on this machine", short=True, shown="none")
-    engine: str | None = setting(
-        None,
-        "dask://HOST:PORT (a Dask scheduler) or dask-local (local Dask workers)",
-        short=True,
-        metavar="NAME",
-        shown="this process",
-    )
+    workers: int = setting(0, "Worker processes; 0: none, all in this process", at_least(0), short=True)
     chunk: int | None = setting(
         None, "Pairs per unit of work; does not change results", metavar="PAIRS", shown="automatic"
     )

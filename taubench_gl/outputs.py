@@ -111,6 +111,12 @@ def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) ->
             unwritten = unwritten[file.write(unwritten) :]
 
 
+def write_parts(path: Path, parts: Iterable[bytes]) -> None:
+    """Write bytes as they come, completely or not at all.  Raises OutputError."""
+    with replacing(path) as partial, open(partial, "wb") as file:
+        file.writelines(parts)
+
+
 def copy_atomically(source: BinaryIO, path: Path) -> None:
     """Write the rest of an open file to ``path``, completely or not at all.  Raises OutputError."""
     with replacing(path) as partial, open(partial, "wb") as file:
@@ -174,13 +180,18 @@ def _sync(folder: int) -> None:
             raise
 
 
-def write_png(path: Path, image: np.ndarray) -> None:
-    """(h, w, 3) uint8 as PNG, completely or not at all.  Raises OutputError."""
-    import imageio.v3 as iio
+def image_bytes(image: np.ndarray, form: str = "png", **options: Any) -> bytes:
+    """(h, w) or (h, w, 3 or 4) uint8 as an image file.  ``form`` and ``options``: as Pillow has them."""
+    from PIL import Image
 
     data = io.BytesIO()
-    iio.imwrite(data, np.ascontiguousarray(image), extension=".png")
-    write_atomically(path, data.getvalue())
+    Image.fromarray(np.ascontiguousarray(image)).save(data, form, **options)
+    return data.getvalue()
+
+
+def write_png(path: Path, image: np.ndarray) -> None:
+    """(h, w, 3) uint8 as PNG, completely or not at all.  Raises OutputError."""
+    write_atomically(path, image_bytes(image))
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:

@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from taubench_gl.camera_path_settings import CameraPathSettings
 from taubench_gl.conventions import DEFAULT_FPS
 from taubench_gl.errors import SettingsError
 from taubench_gl.features import COLUMNS, FEATURE, FEATURES, LIGHT_FEATURES
@@ -122,8 +123,8 @@ SIZE = Setting(
 
 
 @dataclass(frozen=True, slots=True)
-class SequenceSettings(Checked):
-    """Which frames of which scene are rendered, and at which size."""
+class SequenceSettings(CameraPathSettings):
+    """Which frames of which scene are rendered, by which camera, and at which size."""
 
     group: ClassVar[str] = SCENE
 

@@ -17,9 +17,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taubench_gl"
 
 LEAF = {
-    "checksums", "conventions", "channels", "data_files", "errors", "features", "fields", "folder_lock", "glossary",
-    "lobes", "math3d", "memory_budget", "outputs", "paths", "option_groups", "preset", "run_schema", "setting_values",
-    "settings", "srgb", "stage_log",
+    "camera_path_settings", "checksums", "conventions", "channels", "data_files", "errors", "features", "fields",
+    "folder_lock", "glossary", "lobes", "math3d", "memory_budget", "outputs", "paths", "option_groups", "preset",
+    "run_schema", "setting_values", "settings", "srgb", "stage_log",
 }  # fmt: skip
 
 LAYERS: tuple[set[str], ...] = (

@@ -27,7 +27,7 @@ def test_every_command_has_examples():
         for path, text in reference_pages.commands()
         if "Examples:" not in text and "Commands:" not in text
     ]
-    assert not bare, f"give these an epilog with examples: {bare}"
+    assert not bare, f"give their docstrings examples: {bare}"
 
 
 def test_every_public_name_is_documented():

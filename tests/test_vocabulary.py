@@ -20,7 +20,7 @@ BANNED = {
     "soup": "vertex data",
     "inmost": "innermost",
     "whoever": "name the subject",
-    "\\w*colour\\w*": "color",
+    "(?!colour_linear)\\w*colour\\w*": "color",  # a tensor of ng-model-gym has this name
     "grey\\w*": "gray",
     "centred?s?": "center",
     "neighbour\\w*": "neighbor",

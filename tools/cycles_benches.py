@@ -11,7 +11,7 @@ from benches import FPS, Claim, Options, Result, Row, bench, missing, real_scene
 from mask_benches import Walk
 
 from taubench_gl.animation import CameraTrack, choose_camera
-from taubench_gl.datasets.stand_ins import make_stand_in
+from taubench_gl.datasets.stand_ins import STAND_INS
 from taubench_gl.errors import PathTracedError
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.gpu.context import Gpu
@@ -83,9 +83,7 @@ def _scenes(folder: Path, options: Options) -> list[tuple[str, Scene, CameraTrac
     demo = load_scene(ASSETS / "demo.glb")
     out.append(("demo", demo, choose_camera(demo), FPS))
     if not options.quick:
-        path = folder / "valley.glb"
-        make_stand_in("eternal-valley-fps", path)
-        valley = load_scene(path)
+        valley = load_scene(STAND_INS["eternal-valley-fps"])
         out.append(("valley stand-in", valley, choose_camera(valley), 60.0))
     return out
 

@@ -29,7 +29,7 @@ from peers import Peer
 from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.channels import CHANNELS
-from taubench_gl.datasets.stand_ins import make_stand_in
+from taubench_gl.datasets.stand_ins import STAND_INS
 from taubench_gl.evaluation import PairEvaluator, open_session
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.read_back import ChannelReader
@@ -80,9 +80,7 @@ def _cases(folder: Path, options: Options) -> list[tuple[str, Scene, CameraTrack
     demo = load_scene(ASSETS / "demo.glb")
     out.append(("demo", demo, choose_camera(demo), None, FPS))
     if not options.quick:
-        path = folder / "valley.glb"
-        make_stand_in("eternal-valley-fps", path)
-        valley = load_scene(path)
+        valley = load_scene(STAND_INS["eternal-valley-fps"])
         out.append(("valley stand-in", valley, choose_camera(valley), None, 60.0))
     return out
 
@@ -225,11 +223,9 @@ def steady(gpu: Gpu, options: Options) -> Result:
     Alone (``tools/bench steady``): six seconds, 360 frames at 60 fps.
     """
     seconds = STEADY_SECONDS if options.alone else STEADY_SECONDS / 12
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "valley.glb"
-        make_stand_in("eternal-valley-fps", path)
-        run = Peer.start("long_run.py", str(path), *map(str, options.size), str(int(60 * seconds)), "60")
-        run.close()
+    path = STAND_INS["eternal-valley-fps"]
+    run = Peer.start("long_run.py", str(path), *map(str, options.size), str(int(60 * seconds)), "60")
+    run.close()
     if run.missing is not None:
         return Result("A long run", [missing("a frame", run.missing)], [])
     resident = run.hello["resident_mib"]

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import tempfile
-from pathlib import Path
 
 import numpy as np
 from benches import FPS, Options, Result, Row, bench, real_scene, row
 from lamp_field import lamp_field
 
-from taubench_gl.datasets.stand_ins import make_stand_in
+from taubench_gl.datasets.stand_ins import STAND_INS
 from taubench_gl.effects.decide import FORCEABLE, decide
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.spec import AnimatedScene
@@ -87,36 +85,31 @@ def lights(gpu: Gpu, options: Options) -> Result:
 @bench
 def valley(gpu: Gpu, options: Options) -> Result:
     """The stand-in's 690 lights (73 static, 617 moving) and its sun, compared with 16 lights, interleaved."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "valley.glb"
-        make_stand_in("eternal-valley-fps", path)
-        every = load_scene(path)
-        light = np.full_like(every.nodes.light, -1)
-        chosen = every.light_nodes[:: len(every.light_nodes) // 16][:16]
-        light[chosen] = every.nodes.light[chosen]
-        few = dataclasses.replace(every, nodes=dataclasses.replace(every.nodes, light=light))
-        rows, notes = [], []
-        for shadows in (0, 8):
-            settings = Settings(
-                width=options.size[0],
-                height=options.size[1],
-                fps=60,
-                columns=("frustum", "direct"),
-                shadow_lights=shadows,
-                **FIXED_LIGHTING,
-            )
-            subjects = {name: Subject(gpu, scene, settings) for name, scene in (("16", few), ("690", every))}
-            for _ in range(1 + LIGHT_FRAMES * options.repeats):
-                for subject in subjects.values():
-                    subject.advance()
-            for name, subject in subjects.items():
-                rows.append(row(f"direct, {name} lights, {shadows} with shadows", subject.samples("direct")))
-            notes.append(
-                f"{shadows} with shadows: {rows[-1].median_ms / rows[-2].median_ms:.2f} x the time of 16 lights"
-            )
-            notes.append(f"light lists take {subjects['690'].source.light.memory['light lists'] / 2**20:.1f} MiB")
+    every = load_scene(STAND_INS["eternal-valley-fps"])
+    light = np.full_like(every.nodes.light, -1)
+    chosen = every.light_nodes[:: len(every.light_nodes) // 16][:16]
+    light[chosen] = every.nodes.light[chosen]
+    few = dataclasses.replace(every, nodes=dataclasses.replace(every.nodes, light=light))
+    rows, notes = [], []
+    for shadows in (0, 8):
+        settings = Settings(
+            width=options.size[0],
+            height=options.size[1],
+            fps=60,
+            columns=("frustum", "direct"),
+            shadow_lights=shadows,
+            **FIXED_LIGHTING,
+        )
+        subjects = {name: Subject(gpu, scene, settings) for name, scene in (("16", few), ("690", every))}
+        for _ in range(1 + LIGHT_FRAMES * options.repeats):
             for subject in subjects.values():
-                subject.release()
+                subject.advance()
+        for name, subject in subjects.items():
+            rows.append(row(f"direct, {name} lights, {shadows} with shadows", subject.samples("direct")))
+        notes.append(f"{shadows} with shadows: {rows[-1].median_ms / rows[-2].median_ms:.2f} x the time of 16 lights")
+        notes.append(f"light lists take {subjects['690'].source.light.memory['light lists'] / 2**20:.1f} MiB")
+        for subject in subjects.values():
+            subject.release()
     return Result("The valley stand-in's lights", rows, notes)
 
 

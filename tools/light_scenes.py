@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 from make_assets import LICENSE, add_tentacle, turn
+from shapes import Shape, box, join, moved, quad, sphere
 
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere
 
 SECONDS = 2.5
 

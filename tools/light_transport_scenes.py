@@ -1,6 +1,6 @@
 """Twelve small scenes for the comparison of path-traced light with Cycles, written as glTF.
 
-Six of ``taubench_gl.datasets.light_scenes``, and those with what these lack: a skin, the image of a sky, and glass.
+Six of ``suite_scenes``, and those with what these lack: a skin, the image of a sky, and glass.
 """
 
 from __future__ import annotations
@@ -11,10 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
-from make_assets import add_tentacle
-
-from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.light_kit import (
+from light_kit import (
     SECONDS,
     Tracks,
     block,
@@ -28,9 +25,12 @@ from taubench_gl.datasets.light_kit import (
     times,
     turn,
 )
-from taubench_gl.datasets.light_scenes import SCENES as MADE
-from taubench_gl.datasets.light_scenes import LightScene, make_light_scene
-from taubench_gl.datasets.shapes import quad, sphere
+from make_assets import add_tentacle
+from shapes import quad, sphere
+from suite_scenes import SCENES as MADE
+from suite_scenes import LightScene, make_light_scene
+
+from taubench_gl.datasets.gltf_writer import Writer
 
 
 def skinned_movers(w: Writer) -> Tracks:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from taubench_gl.benchmark.scenes import DEMO, SceneRecipe, scene_file
+from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
 
 RUN, LESSONS = "run", "demos"
 """Folders of the demo's report and of the lessons."""
@@ -43,15 +43,15 @@ class MethodsPage:
 
 
 METHODS_PAGES = (
-    MethodsPage("reuse-demo", "The demo as it is", SceneRecipe(DEMO)),
-    MethodsPage("reuse-rotation", "The camera turns 4° a frame", SceneRecipe(DEMO, "rotation", 4.0, FRAMES, 24.0)),
-    MethodsPage("reuse-light", "Lights move 0.5 m a frame", SceneRecipe(DEMO, "light_speed", 0.5, FRAMES, 24.0)),
+    MethodsPage("reuse-demo", "The demo as it is", SceneRecipe("demo")),
+    MethodsPage("reuse-rotation", "The camera turns 4° a frame", SceneRecipe("demo", "rotation", 4.0, FRAMES, 24.0)),
+    MethodsPage("reuse-light", "Lights move 0.5 m a frame", SceneRecipe("demo", "light_speed", 0.5, FRAMES, 24.0)),
 )
 
 
 def make(folder: Path) -> None:
     """Write every part to a folder of its own.  Raises subprocess.CalledProcessError if one fails."""
-    report = ("evaluate", str(scene_file(SceneRecipe(DEMO))), "--size", RUN_SIZE, "--report-full")
+    report = ("evaluate", str(scene_file(SceneRecipe("demo"))), "--size", RUN_SIZE, "--report-full")
     taubench("the demo's report", *report, "--out", folder / RUN)
     taubench("the lessons", "demo", "--all", "--out", folder / LESSONS)
     for page in sorted((folder / LESSONS).glob("[0-9]*.html")):

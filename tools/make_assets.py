@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from light_kit import turn
+from shapes import Shape, box, join, moved, quad, sphere, tube
 
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.light_kit import turn
-from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere, tube
 
 DURATION = 2.5
 SKY = "0.13,0.23,0.46"

@@ -68,9 +68,18 @@ def hard_cases() -> dict[Path, str]:
 
 
 def assets(work: Path) -> None:
+    from conformance_scenes import SCENES as CASES
     from make_assets import demo
+    from make_stand_ins import RECIPES, build
+    from suite_scenes import SCENES, make_light_scene
 
     demo().save(DEMO)
+    for name, scene in SCENES.items():
+        make_light_scene(scene, DEMO.parent / "light" / f"{name}.glb")
+    for name, recipe in RECIPES.items():
+        build(recipe).save(DEMO.parent / "stand-ins" / f"{name}.glb")
+    for name, document in CASES.items():
+        document().save(DEMO.parent / "conformance" / f"{name}.glb")
 
 
 def readme(work: Path) -> None:
@@ -269,37 +278,43 @@ SAMPLED = {
 
 
 def light_samples(work: Path) -> None:
-    """Ten minutes."""
-    from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
+    """Half an hour."""
+    import numpy as np
 
-    one_ray = {"ris": "ris", "restir-di": "restir-di@visibility_reuse=false"}
-    traced = {"unbiased": "restir-di", "biased": "restir-di@combination=biased"}
-    methods = ",".join((*one_ray.values(), *traced.values()))
-    options = ("--size", "96x54", "--input", "path-traced@1", "--bounces", "1", "--seeds", "5", "--metrics", "psnr",
-               "--reference", "path-traced@256", "--video", "none", "--methods", methods)  # fmt: skip
+    from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
+    from taubench_gl.metrics.bootstrap import student_interval
+
+    methods = ["ris", "restir-di", "restir-di@combination=unbiased"]
+    methods += [f"restir-di@combination={name}@visibility_reuse=true" for name in ("unbiased", "biased")]
+    options = ("--size", "64x36", "--input", "path-traced@1", "--bounces", "1", "--seeds", "8", "--metrics", "psnr",
+               "--reference", "path-traced@256", "--video", "none", "--methods", ",".join(methods))  # fmt: skip
     rows = []
     for name, (title, more) in SAMPLED.items():
         out = work / name
         if not (out / "reuse.json").exists():
             taubench("reuse", "evaluate", scene_file(SceneRecipe(name)), *more, *options, "--out", out)
         of = json.loads((out / "reuse.json").read_text())["methods"]
-        base = of["ris"]
-        cells = []
-        for label in (one_ray["restir-di"], *traced.values()):
-            one, rays = of[label], of[label]["samples"]["per_pixel"]["shadow_rays"]
-            rays /= base["samples"]["per_pixel"]["shadow_rays"]
-            gains = [base[block][key] / one[block][key] / rays
-                     for block, key in (("samples", "variance"), ("mean", "clipped_mse"))]  # fmt: skip
-            cells.append(" / ".join([number(rays, 1), *(number(gain, 1) for gain in gains)]))
-        cells.append(" / ".join(number(of[label]["samples"]["bias"]["percent"], 1) for label in traced.values()))
+        with (out / "frames.csv").open(encoding="utf-8") as file:
+            frames = list(csv.DictReader(file))
+        seeds, cells = int(frames[-1]["seed"]) + 1, []
+        errors = {label: np.zeros(seeds) for label in methods}
+        for row in frames:
+            if row["frame"] != frames[0]["frame"]:  # which has no history
+                errors[row["method"]][int(row["seed"])] += float(row["linear_mse"])
+        for label in methods[1:]:
+            rays, base = (of[m]["samples"]["per_pixel"]["shadow_rays"] for m in (label, methods[0]))
+            gain = student_interval(np.log(errors[methods[0]] / errors[label] * base / rays))
+            low, mean, high = (number(float(np.exp(v)), 2) for v in (gain.low, gain.estimate, gain.high))
+            bias = number(of[label]["samples"]["bias"]["percent"], 1)
+            cells.append(f"{number(rays / base, 1)}: {mean} ({low} to {high}), {bias} %")
         rows.append([title, *cells])
-    head = ["without visibility reuse", "with it", "with it, biased", "bias, %: unbiased / biased"]
+    head = ["pairwise (default)", "1/Z", "1/Z, visibility reuse", "biased, visibility reuse"]
     write_marked(DOCS / "reuse-evaluation.md", "light-samples", table(head, rows))
 
 
 def cost(work: Path) -> None:
     """Ten minutes: the study itself continues what an earlier call began."""
-    size = ("--size", "32x18", "--frames", "20:23", "--clock", "cpu", "--truth-within", "0.5", "--longest", "100")
+    size = ("--size", "32x18", "--frames", "20:23", "--clock", "cpu", "--truth-within", "0.5", "--time", "none")
     taubench("cost", "assets/demo.glb", "--out", work / "demo", *size)
     keep_image(work / "demo" / "cost.png", "cost-demo.png")
     study = json.loads((work / "demo" / "cost.json").read_text(encoding="utf-8"))

@@ -121,8 +121,11 @@ EVERY = (
     ),
     Record("hard-cases", ("docs/hard-cases.md",), contents=by.hard_cases),
     Record(
-        "assets", (DEMO,),
-        ("tools/make_assets.py", "taubench_gl/datasets/gltf_writer.py", "taubench_gl/datasets/shapes.py"), by.assets,
+        "assets", (DEMO, "assets/light", "assets/conformance", "assets/stand-ins"),
+        (*(f"tools/{name}.py" for name in (
+            "make_assets", "make_stand_ins", "valley", "figures", "conformance_scenes", "suite_scenes", "light_kit",
+            "shapes",
+        )), "taubench_gl/datasets/gltf_writer.py"), by.assets,
     ),
     # What is drawn; how it is drawn is what the goldens test.  Look at them before a commit.
     Record("goldens", ("tests/goldens",), ("tests/frame/golden_cases.py", DEMO), by.program("make_goldens.py")),
@@ -132,7 +135,7 @@ EVERY = (
     ),
     Record(
         "cycles-references", ("tests/pathtraced/references", "tests/pathtraced/light_transport"),
-        ("tools/cycles_references", "tools/light_transport_scenes.py", "taubench_gl/datasets/light_scenes.py",
+        ("tools/cycles_references", "tools/light_transport_scenes.py", "tools/suite_scenes.py",
          "tests/pathtraced/reference_scenes.py"),
         by.program("cycles_references"),
     ),
@@ -193,12 +196,12 @@ EVERY = (
     Record("command-times", ("docs/speed.md",), (DEMO, *FRAME, *RAYS, *REUSE), by.command_times),
     Record(  # tools/engines, then conformance_table.py
         "conformance", ("docs/conformance.md",),
-        ("taubench_gl/conformance", *(f"tools/engines/conformance_{name}" for name in (
+        ("taubench_gl/conformance", "assets/conformance", *(f"tools/engines/conformance_{name}" for name in (
             "bpy.py", "three.page.mjs", "babylon.page.mjs", "taubench.py"))),
     ),
     Record("light-agreement", ("docs/light.md",), ("tools/light_scenes.py", *FRAME)),  # tools/light_agreement
     Record(  # tools/light_columns
-        "light-columns", ("docs/path-traced.md",), ("taubench_gl/datasets/light_scenes.py", *FRAME, *RAYS),
+        "light-columns", ("docs/path-traced.md",), ("assets/light", *FRAME, *RAYS),
     ),
 )  # fmt: skip
 

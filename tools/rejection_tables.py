@@ -22,7 +22,7 @@ METHODS = ("velocity", "color_clamp", "normal", "plane_distance", "position", "s
 GATES = ("velocity", "normal", "normal_dot", "svgf", "plane_distance", "object_id", "footprint_plane", "relative_depth",
          "position", "position+normal")  # fmt: skip
 GATE_SCENES = ("demo", "fps", "vr")
-NO_HISTORY = "restir-di@temporal=false"
+NO_HISTORY = "restir-di@temporal=false@combination=unbiased@visibility_reuse=true"
 
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "demo": ("demo", ("--frames", "20:24")),
@@ -91,7 +91,7 @@ class Results:
                               "--size", TINY, "--tests", tests)  # fmt: skip
         if not folder.exists():
             taubench("reject", "method", "--tests", tests, "--history", "reservoirs", "--out", folder)
-        combinations = "@combination=biased/unbiased"
+        combinations = "@visibility_reuse=true@combination=biased/unbiased"
         methods = [NO_HISTORY, *(f"{folder / gate_of(test)}{combinations}" for test in GATES)]
         options = ("--size", TINY, "--frames", "20:26", "--input", "path-traced@1", "--bounces", "1", "--seeds", "8")
         more = (
@@ -173,11 +173,12 @@ def images_table(results: Results) -> str:
 def gate_points(results: Results, name: str) -> dict[str, dict[str, Any]]:
     """Of each test of GATES: its recall, and the samples of both combinations by name; and those without history."""
     scores, images = results.gates(name)
-    samples = {label: method["samples"] for label, method in images["methods"].items()}
+    methods = images["methods"].items()
+    samples = {label: m["samples"] | {"variance": m["error_parts"]["variance"]["mean"]} for label, m in methods}
     points = {"no history": {"recall": None, "unbiased": samples[NO_HISTORY]}}
     for test in GATES:
         recall = scores["tests"][test.partition("=")[0]]["scores"]["visibility"]["recall"]
-        both = {c: samples[f"{gate_of(test)}@combination={c}"] for c in ("biased", "unbiased")}
+        both = {c: samples[f"{gate_of(test)}@visibility_reuse=true@combination={c}"] for c in ("biased", "unbiased")}
         points[test] = {"recall": recall, **both}
     return points
 
@@ -221,7 +222,7 @@ def gates_figure(results: Results, path: Path) -> None:
                                 markerfacecolor=face or style["color"], **style)  # fmt: skip
         top.set(ylim=(0, None))
         bottom.set_xlabel("recall of the test")
-    above[0].set_ylabel("variance of luminance")
+    above[0].set_ylabel("variance of linear radiance")
     below[0].set_ylabel("bias, % of the light\n(open: unbiased, filled: biased)")
     plot.legend(above[-1])
     plot.save(path)

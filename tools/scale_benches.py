@@ -1,4 +1,4 @@
-"""Benchmarks of large scenes, their growth, and of the corner correction: CPU time of whole commands, and frames."""
+"""Benchmarks of large scenes, their growth, the corner correction and the viewer: CPU time of commands, and frames."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
@@ -17,6 +18,9 @@ from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+from taubench_gl.viewer.feeds import OpenRequest
+from taubench_gl.viewer.layout import bench_size
 
 BASE = "TAUBENCH_BASE"
 """Environment variable: folder of an older checkout to compare with, whose code runs with the same packages."""
@@ -69,6 +73,30 @@ def corners(gpu: Gpu, options: Options) -> Result:
     names = ("positions where the triangle is sampled", "positions at pixel centers")
     rows = [row(name, ms) for name, ms in zip(names, times, strict=True)]
     return Result("Corner correction of the geometry pass", rows, [f"demo.glb, {options.size_text}, eight channels"])
+
+
+@bench
+def viewer(gpu: Gpu, options: Options) -> Result:
+    """Frames of the viewer with its panels, drawn off-screen; every frame is classified."""
+    title = "Viewer, off-screen"
+    try:
+        from taubench_gl.viewer.app import Viewer
+    except ImportError as error:
+        return Result(title, [missing("frames of the viewer", f"{error.name} is not installed")], [])
+    rows, window = [], bench_size(options.size)
+    texture = gpu.ctx.texture(window, 4)
+    framebuffer = gpu.ctx.framebuffer([texture])
+    for name, lit in {"masks of geometry": False, "with light": True}.items():
+        request = OpenRequest(str(ASSETS / "demo.glb"), Settings(size=options.size, exposure=1.0))
+        shown = Viewer(gpu, request, light=lit, folder=None)
+        shown.window_size = window
+        rate = shown.bench(8 * options.repeats, partial(shown.draw, framebuffer))
+        rows.append(Row(name, *3 * [1e3 / rate], 8 * options.repeats, f"{rate:.1f} frames/s"))
+        shown.close()
+    gpu.unbind_framebuffer()
+    framebuffer.release()
+    texture.release()
+    return Result(title, rows, [f"demo.glb, {options.size_text}, window of {window[0]}x{window[1]}; median"])
 
 
 @bench

@@ -25,13 +25,13 @@ void main() {
         EACH_LOBE(LOAD_EXACT)
     }
     // Lanes trace together: each looks for its next light first.
-    ivec2 around = lights_around(x.p);
+    ivec2 around = entries_of(0, cell_of(x.p));
     for (int ray = 0; x.lit && ray < LIGHT_CHUNK && next < around.y; ++ray) {
         LightRecord light;
         Incident arriving;
         bool shines = false;
         while (!shines && next < around.y) {
-            light = light_record(entry_light(around.x + next++));
+            light = light_record(entry_row(around.x + next++));
             arriving = incident(light, x.p);
             shines = faces(x.surface, x.g, arriving.l) && luminance(arriving.radiance) > 0.0;
         }

@@ -45,7 +45,8 @@ void main() {
     if (!path_at(vertex, local)) return;
     NumbersOf numbers = numbers_of(local);
     vec4 origin = load_state(local, ORIGIN_PDF);
-    vec3 throughput = load_state(local, THROUGHPUT).rgb;
+    vec4 stored = load_state(local, THROUGHPUT);
+    vec3 throughput = stored.rgb;
     vec4 direction = load_state(local, DIRECTION);
     Ray ray = Ray(origin.xyz, direction.xyz, FAR);
     Hit hit = closest_hit(ray);
@@ -76,7 +77,8 @@ void main() {
 #if EMITTERS
     if (x.emitter >= 0) {
         float cosine = abs(dot(x.geometric_normal, ray.direction));
-        float pdf = emitter_pdf_area(x.emitter, x.area) * hit.t * hit.t / max(cosine, 1.0e-12);
+        float pdf = 0.0;
+        if (x.area > 0.0) pdf = emitter_probability(x.emitter, int(stored.w)) / x.area * hit.t * hit.t / max(cosine, 1.0e-12);
         contribute(local, throughput * x.emission * power_heuristic(origin.w, pdf));
     }
 #endif
@@ -86,7 +88,9 @@ void main() {
 #if TRANSMISSION
     if (s.transmission > 0.0) before.x = 0.0; // no light subpath ends there
 #endif
-    Lobes light = next_event(s, x.position, g, of_emitter, sample_numbers_of(numbers, vertex, ENVIRONMENT_PUNCTUAL), 0, before);
+    int cell = cell_of(x.position);
+    vec4 of_others = sample_numbers_of(numbers, vertex, ENVIRONMENT_PUNCTUAL);
+    Lobes light = next_event(s, x.position, g, cell, of_emitter, of_others, 0, before);
 #if BIDIRECTIONAL
     if (vertex < LAST_VERTEX - 1) {
         light = plus(light, connect(local, s, x.position, g));
@@ -112,6 +116,6 @@ void main() {
 #else
     store_state(local, DIRECTION, vec4(next.l, 0.0));
 #endif
-    store_state(local, THROUGHPUT, vec4(throughput, 0.0));
+    store_state(local, THROUGHPUT, vec4(throughput, float(cell)));
     go_on(local, vertex + 1);
 }

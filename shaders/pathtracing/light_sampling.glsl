@@ -2,15 +2,14 @@
 //
 // Punctual lights by resampled importance sampling (Talbot et al. 2005): candidates by what they bring to the point's cell of
 // a grid, or all of them where they are few, then one of them in proportion to the light that it would reflect without
-// shadow.  Emissive triangles by power.
-// An environment image by its luminance.  Power heuristic (Veach 1997, section 9.2.4) against BRDF sampling.
+// shadow.  Emissive triangles by what they bring to the cell.  An environment image by its luminance.
+// Power heuristic (Veach 1997, section 9.2.4) against BRDF sampling.
 // Reference: references.path_tracing
 #include "common/affine.glsl"
 #include "pathtracing/state.glsl"
 #include "common/brdf_sampling.glsl"
 #if PUNCTUAL
 #include "common/light_choice.glsl"
-#include "pathtracing/light_cells.glsl"
 #include "common/lights.glsl"
 #endif
 #include "common/environment.glsl"
@@ -21,6 +20,11 @@
 #include "pathtracing/media.glsl"
 #if EMITTERS
 #include "raytracing/emitters.glsl"
+#endif
+#if PUNCTUAL || EMITTERS
+#include "pathtracing/light_cells.glsl"
+#else
+int cell_of(vec3 p) { return 0; }
 #endif
 
 struct LightRay {
@@ -56,12 +60,12 @@ float medium_towards(Surface s, vec3 g, vec3 l) { return dot(g, l) > 0.0 ? s.med
 #include "pathtracing/connection.glsl"
 #endif
 
-// ``before``: as of scattered_weight; x = 0: the point was not found by sampling a BRDF.
-LightRay punctual_ray(Surface s, vec3 p, vec3 g, float pick, float keep, vec2 before) {
+// ``cell``: that p lies in; ``before``: as of scattered_weight; x = 0: the point was not found by sampling a BRDF.
+LightRay punctual_ray(Surface s, vec3 p, vec3 g, int cell, float pick, float keep, vec2 before) {
     LightRay r = NO_LIGHT;
     float total = 0.0, target = 0.0;
     int chosen = -1;
-    ivec2 around = lights_around(p);
+    ivec2 around = entries_of(0, cell);
     for (int i = 0; i < min(around.y, CANDIDATES); ++i) {
         int entry = around.x + i;
         float pdf = 1.0;
@@ -69,7 +73,7 @@ LightRay punctual_ray(Surface s, vec3 p, vec3 g, float pick, float keep, vec2 be
             entry = choose_entry((float(i) + pick) / float(CANDIDATES), around);
             pdf = entry_probability(entry, around) * float(CANDIDATES);
         }
-        int row = entry_light(entry);
+        int row = entry_row(entry);
         Incident arriving = incident(light_record(row), p);
         if (!faces(s, g, arriving.l)) continue;
 #if BIDIRECTIONAL
@@ -99,16 +103,18 @@ LightRay punctual_ray(Surface s, vec3 p, vec3 g, float pick, float keep, vec2 be
 #endif
 
 #if EMITTERS
-LightRay emitter_ray(Surface s, vec3 p, vec3 g, vec4 u) {
+LightRay emitter_ray(Surface s, vec3 p, vec3 g, int cell, vec4 u) {
     LightRay r = NO_LIGHT;
-    EmitterSample e = sample_emitter(u.x, u.yz);
+    int row = emitter_around(u.x, cell);
+    if (row < 0) return r;
+    EmitterSample e = emitter_point(row, u.yz);
     vec3 towards = e.position - p;
     float d2 = dot(towards, towards);
     if (!(d2 > 0.0) || !(e.pdf_area > 0.0)) return r;
     vec3 l = towards * inversesqrt(d2);
     float cosine = abs(dot(e.normal, l));
     if (!faces(s, g, l) || cosine <= 0.0) return r;
-    float pdf = e.pdf_area * d2 / cosine;
+    float pdf = emitter_probability(row, cell) * e.pdf_area * d2 / cosine;
     r.radiance = e.radiance / pdf * power_heuristic(pdf, brdf_pdf(s, l));
     // The ray ends before the emitter by what keeps it from hitting the emitter itself.
     r.origin = offset_origin(p, g, l);
@@ -137,19 +143,19 @@ LightRay environment_ray(Surface s, vec3 p, vec3 g, vec2 u) {
 
 const int FROM_PUNCTUAL = 0, FROM_EMITTERS = 1, FROM_ENVIRONMENT = 2;
 
-// Light that one sample of each kind of source sends to the viewer.  ``sources``: of SOURCES, from ``first``; ``before``: as of
-// punctual_ray.
-Lobes next_event(Surface s, vec3 p, vec3 g, vec4 of_emitter, vec4 of_others, int first, vec2 before) {
+// Light that one sample of each kind of source sends to the viewer.  ``cell``, ``before``: as of punctual_ray; ``sources``: of
+// SOURCES, from ``first``.
+Lobes next_event(Surface s, vec3 p, vec3 g, int cell, vec4 of_emitter, vec4 of_others, int first, vec2 before) {
     Lobes sum = no_light();
 #if SOURCES > 0
     for (int i = first; i < SOURCES; ++i) { // one loop, so that the shadow ray is compiled once
         LightRay ray = NO_LIGHT;
         int source = SOURCE_KINDS[i];
 #if PUNCTUAL
-        if (source == FROM_PUNCTUAL) ray = punctual_ray(s, p, g, of_others.z, of_others.w, before);
+        if (source == FROM_PUNCTUAL) ray = punctual_ray(s, p, g, cell, of_others.z, of_others.w, before);
 #endif
 #if EMITTERS
-        if (source == FROM_EMITTERS) ray = emitter_ray(s, p, g, of_emitter);
+        if (source == FROM_EMITTERS) ray = emitter_ray(s, p, g, cell, of_emitter);
 #endif
 #if ENVIRONMENT_IMAGE
         if (source == FROM_ENVIRONMENT) ray = environment_ray(s, p, g, of_others.xy);

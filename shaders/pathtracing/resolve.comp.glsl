@@ -45,7 +45,9 @@ void main() {
 #else
 #if EXACT_PUNCTUAL
 #define ADD_EXACT(lobe) direct.lobe += load_state(local, EXACT(lobe)).rgb;
-    EACH_LOBE(ADD_EXACT)
+    if (P.lights.y != 0) {
+        EACH_LOBE(ADD_EXACT)
+    }
 #endif
     vec3 all_indirect = (load_state(local, INDIRECT(diffuse)).rgb + load_state(local, INDIRECT(glossy)).rgb) / n;
 #define ADD_INDIRECT(lobe) all_indirect += indirect.lobe;

@@ -25,8 +25,9 @@ void main() {
     }
     CameraVertex x = camera_vertex(local);
     Lobes direct = no_light(), first = direct, connected = direct;
+    int cell = cell_of(x.p);
     if (x.lit) {
-        direct = next_event(x.surface, x.p, x.g, sample_numbers_of(numbers, 0, EMITTER),
+        direct = next_event(x.surface, x.p, x.g, cell, sample_numbers_of(numbers, 0, EMITTER),
                             sample_numbers_of(numbers, 0, ENVIRONMENT_PUNCTUAL), P.lights.y, vec2(0.0));
         direct = finite_or_counted(direct);
         BrdfSample next = sample_brdf(x.surface, sample_numbers_of(numbers, 0, SCATTER).xyz);
@@ -48,7 +49,7 @@ void main() {
 #endif
         add_direct(local, direct);
     }
-    store_state(local, THROUGHPUT, vec4(1.0));
+    store_state(local, THROUGHPUT, vec4(vec3(1.0), float(cell)));
     store_state(local, FIRST(diffuse), vec4(first.diffuse, luminance(all_lobes(direct))));
     store_state(local, FIRST(glossy), vec4(first.glossy, luminance(all_lobes(connected))));
 #define STORE_FIRST(lobe) store_state(local, FIRST(lobe), vec4(first.lobe, 0.0));

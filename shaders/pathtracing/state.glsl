@@ -6,7 +6,7 @@
 
 const int ORIGIN_PDF = 0;      // xyz: origin of the next ray, relative to the camera; w: pdf of its direction, 1/sr
 const int DIRECTION = 1;       // xyz: its direction, unit; w, with VOLUME: the medium that it is in
-const int THROUGHPUT = 2;      // xyz: after the first bounce
+const int THROUGHPUT = 2;      // xyz: after the first bounce; w: cell of the grid of lights where the ray starts
 const int FIRST_POINT = 3;     // xyz: where the paths start
 const int FIRST_F0 = 4;        // with DIELECTRICS, of the visible surface, xyz: reflectance of the dielectric lobe at normal
                                // incidence; w: specular

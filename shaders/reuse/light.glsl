@@ -101,7 +101,7 @@ LightSample sample_light(vec4 u) {
     if (pick >= 0.0 && pick < 1.0) {
         int row = emitter_chosen(pick);
         r.light = LIGHT_COUNT + row;
-        r.density = EMITTER_SHARE * uintBitsToFloat(emitter_words(row).w);
+        r.density = EMITTER_SHARE * emitter_probability(row);
     }
 #endif
 #if ENVIRONMENT_LIGHT
@@ -148,9 +148,8 @@ LightPoint light_in(int light, vec2 uv, bool before) {
         hits_before = before;
         EmitterSample e = emitter_point(light - LIGHT_COUNT, uv);
         hits_before = false;
-        float area = e.pdf_area > 0.0 ? uintBitsToFloat(emitter_words(light - LIGHT_COUNT).w) / e.pdf_area : 0.0;
         r.record.position.xyz = e.position;
-        r.record.color.rgb = e.radiance * area;
+        r.record.color.rgb = e.pdf_area > 0.0 ? e.radiance / e.pdf_area : vec3(0.0);
         r.normal = e.normal;
     }
 #endif

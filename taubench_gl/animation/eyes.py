@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from taubench_gl.animation.recorded_camera import RecordedCamera
 from taubench_gl.animation.state import FrameState, View
 from taubench_gl.animation.views import ORBIT, CameraTrack, FileCamera, choose_camera
 from taubench_gl.errors import SettingsError
@@ -50,6 +51,9 @@ def other_eye(scene: Scene, camera: CameraTrack, settings: Settings) -> CameraTr
         to_units = metrics.unit_scale if metrics.eye == "left" else -metrics.unit_scale
         convergence = None if metrics.convergence is None else metrics.convergence * metrics.unit_scale
         return EyeCamera(camera, metrics.eyes * to_units, convergence)
+    if isinstance(camera, RecordedCamera):
+        what = "the other eye is a camera of the scene, which does not follow the recorded one"
+        raise SettingsError(what, hint="leave --other-eye out: the other eye is at --eyes", setting="other_eye")
     other = choose_camera(scene, metrics.other_eye, (sequence.width, sequence.height))
     if isinstance(other, FileCamera) and isinstance(camera, FileCamera) and other.node == camera.node:
         what = f"the other eye is {other.describe()}, which is the camera"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 Array = np.ndarray
@@ -10,14 +12,14 @@ HALTON_PERIOD = 16
 """Length of the sequence in frames, as in temporal anti-aliasing (Karis 2014: 8 or 16)."""
 
 
-def radical_inverse(index: int, base: int) -> float:
-    """Radical inverse of ``index`` in ``base`` (Halton 1960), in [0, 1)."""
-    value, scale = 0.0, 1.0 / base
-    while index:
-        index, digit = divmod(index, base)
+def radical_inverse(index: Any, base: int) -> Any:
+    """Radical inverse of ``index`` in ``base`` (Halton 1960), in [0, 1), of the shape of ``index``."""
+    index, value, scale = np.asarray(index), np.zeros(np.shape(index)), 1.0 / base
+    while np.any(index):
+        index, digit = np.divmod(index, base)
         value += digit * scale
         scale /= base
-    return value
+    return value[()]
 
 
 def halton_jitter(frame: int, period: int = HALTON_PERIOD) -> Array:

@@ -12,6 +12,7 @@ from pyrr import matrix44
 from taubench_gl import math3d
 from taubench_gl.animation.curves import varies
 from taubench_gl.animation.pose import Poser, is_skinned, pose_once
+from taubench_gl.animation.recorded_camera import RecordedCamera, read_camera_path
 from taubench_gl.animation.state import FrameState, View
 from taubench_gl.errors import SettingsError, printable
 from taubench_gl.scene.model import Camera, Primitive, Scene
@@ -270,10 +271,18 @@ def choose_camera(
     raise SettingsError(f"no camera {requested!r} in scene {scene.name!r}", hint=f"choose from {listed}")
 
 
-def camera_of_run(scene: Scene, sequence: SequenceSettings) -> FileCamera | OrbitCamera:
-    """The camera of an evaluation: as requested; an orbit where none is and the file's camera sees nothing move."""
+def camera_of_run(
+    scene: Scene, sequence: SequenceSettings, unit_scale: float = 1.0
+) -> FileCamera | OrbitCamera | RecordedCamera:
+    """The camera of an evaluation: as requested; an orbit where none is and the file's camera sees nothing move.
+
+    ``unit_scale``: scene units per meter, for a recorded camera.  Raises SceneError, SettingsError.
+    """
     size = (sequence.width, sequence.height)
     camera = choose_camera(scene, sequence.camera, size)
+    if sequence.camera_path is not None:
+        base = camera.view_at(Poser(scene, sequence.fps).sample(0.0))
+        return RecordedCamera(scene, read_camera_path(sequence), sequence.camera_path_place, base, unit_scale)
     if sequence.camera is None and isinstance(camera, FileCamera) and is_still(scene, [camera.node]):
         return OrbitCamera(scene, size=size, reason=ALL_STILL)
     return camera

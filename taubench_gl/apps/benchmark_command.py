@@ -7,13 +7,13 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import Commands, command, option_group
+from taubench_gl.apps.options import Commands, command
 from taubench_gl.apps.screen import TABLE_FORMATS, interruptible, note, show_tables, warn
 from taubench_gl.fields import REQUIRED, above_zero, at_least, one_of, setting
-from taubench_gl.option_groups import EngineOptions
 from taubench_gl.settings import OUTPUT
 
 SUITE = setting("quick", "Built-in suite, or a TOML file", metavar="quick|full|FILE")
+WORKERS = setting(None, "Worker processes; 0: none, all in this process", at_least(0), short=True, shown="one per core")
 CASES = setting(
     (),
     "Only these cases, such as 'demo/rotation=*'; the result is that of another suite",
@@ -22,47 +22,30 @@ CASES = setting(
 )
 
 
-@click.group(
-    cls=Commands,
-    default="run",
-    epilog="""\b
-Examples:
-  taubench-gl benchmark --out results
-  taubench-gl benchmark svgf ./my_method --out results
-  taubench-gl benchmark --suite full --engine dask://node1:8786 --out results
-  taubench-gl benchmark plan --suite full --time
-  taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json""",
-)
+@click.group(cls=Commands, default="run")
 def benchmark() -> None:
     """Evaluate reuse methods on a fixed suite: 'benchmark METHOD... --out DIR' runs it.
 
     The result is one JSON file and one page: a scorecard per method, rankings, and the speed up to which a method is
-    better than no reuse.  Results do not depend on engine and workers, bit for bit, except for times.
+    better than no reuse.  Results do not depend on workers, bit for bit, except for times.
+
+    Examples:
+      taubench-gl benchmark --out results
+      taubench-gl benchmark svgf ./my_method --out results
+      taubench-gl benchmark plan --suite full --time
+      taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json
     """
 
 
-@command(
-    engine=option_group(
-        EngineOptions, without=("chunk",), shown={"workers": "one per core", "engine": "worker processes"}
-    ),
-    epilog="""\b
-Examples:
-  taubench-gl benchmark run --out results
-  taubench-gl benchmark run taa_clamp@alpha=0.05 my_method.py --suite quick --out results
-  taubench-gl benchmark run --suite full --workers 16 --out results
-
-\b
-The same command continues an interrupted benchmark; what is stored in DIR does not run again.
-docs/benchmark.md defines every number.""",
-)
+@command()
 @click.argument("methods", nargs=-1, metavar="[METHOD]...")
 def run(
     methods: tuple[str, ...],
-    engine: EngineOptions,
     *,
     suite: str = SUITE,
     cases: tuple[str, ...] = CASES,
     out: Path = setting(REQUIRED, "Folder of the results", group=OUTPUT, metavar="DIR"),
+    workers: int | None = WORKERS,
     time_limit: float = setting(
         1800.0, "A method that takes longer for a frame has failed", above_zero(), metavar="SECONDS"
     ),
@@ -71,6 +54,14 @@ def run(
 
     METHOD is a built-in name, a folder, file.py, module:Class or exr:DIR, with settings as NAME@alpha=0.1.  'none' is
     always included.  A method that fails is ranked last with its reason; the exit code is then 2.
+
+    Examples:
+      taubench-gl benchmark run --out results
+      taubench-gl benchmark run taa_clamp@alpha=0.05 my_method.py --suite quick --out results
+      taubench-gl benchmark run --suite full --workers 16 --out results
+
+    The same command continues an interrupted benchmark; what is stored in DIR does not run again.
+    docs/benchmark.md defines every number.
     """
     from taubench_gl.apps.progress import StudyScreen
     from taubench_gl.benchmark.run import run_benchmark
@@ -79,9 +70,7 @@ def run(
 
     selected, kept = read_suite(suite).part(cases), f"finished units are in {out}: the same command continues"
     with interruptible(lambda: kept), StudyScreen("images") as screen:
-        done = run_benchmark(
-            selected, methods, out, engine=engine.engine, workers=engine.workers, limit=time_limit, listener=screen
-        )
+        done = run_benchmark(selected, methods, out, workers=workers, limit=time_limit, listener=screen)
     show_tables(benchmark_tables(done))
     click.echo(f"written to {out}: benchmark.json, report.html, tables and plots")
     failed = _failures(done)
@@ -90,13 +79,7 @@ def run(
     return 2 if failed else 0
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl benchmark plan
-  taubench-gl benchmark plan --suite full --time
-  taubench-gl benchmark plan none svgf --suite full --cases '*/path-traced@1' --time --workers 16"""
-)
+@command()
 @click.argument("methods", nargs=-1, metavar="[METHOD]...")
 def plan(
     methods: tuple[str, ...],
@@ -104,11 +87,16 @@ def plan(
     suite: str = SUITE,
     cases: tuple[str, ...] = CASES,
     timed: bool = setting(False, "Estimate the time from a few frames of every input, with METHODs", flag="--time"),
-    workers: int | None = setting(None, "Workers of the estimate", at_least(1), shown="one per core"),
+    workers: int | None = WORKERS,
 ) -> None:
     """Print the units of a suite: cases, hashes, scene files.  Makes the scenes; renders nothing without --time.
 
     Path-traced references are traced in part for the estimate; what is traced is kept.
+
+    Examples:
+      taubench-gl benchmark plan
+      taubench-gl benchmark plan --suite full --time
+      taubench-gl benchmark plan none svgf --suite full --cases '*/path-traced@1' --time --workers 16
     """
     from taubench_gl.benchmark.estimate import estimate_units
     from taubench_gl.benchmark.run import BenchmarkStudy, entries_of, runnable
@@ -126,15 +114,10 @@ def plan(
         facts = f"{case.track}, {case.frames} frames, {request.seeds} seeds, reference {request.reference}"
         click.echo(f"  {unit.identity[:8]}  {case.id}: {facts}; scene {unit.sha256[:8]} {scene_file(case.scene)}")
     if timed:
-        announce(estimate_units(units, note), "frames", workers or available_cores(), click.echo)
+        announce(estimate_units(units, note), "frames", available_cores() if workers is None else workers, click.echo)
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl benchmark compare mine theirs
-  taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json --format markdown"""
-)
+@command()
 @click.argument("a", metavar="A.json")
 @click.argument("b", metavar="B.json")
 def compare(
@@ -143,7 +126,12 @@ def compare(
     *,
     form: str = setting("text", "Format of the tables", one_of(TABLE_FORMATS[:-1]), flag="--format"),
 ) -> None:
-    """Print two benchmarks of one suite side by side.  Other suites, versions of it or scenes are refused."""
+    """Print two benchmarks of one suite side by side.  Other suites, versions of it or scenes are refused.
+
+    Examples:
+      taubench-gl benchmark compare mine theirs
+      taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json --format markdown
+    """
     from taubench_gl.benchmark.output import compared, load_benchmark
     from taubench_gl.report.benchmark import comparison_tables
 

@@ -22,34 +22,23 @@ SECONDS = setting(6.0, "Length of a window", above_zero("seconds above 0"), unit
 BEST = "best"
 
 
-@click.group(
-    cls=Commands,
-    default="run",
-    epilog="""\b
-Examples:
-  taubench-gl capture info game.dm_71
-  taubench-gl capture game.dm_71 --start best --out scene.glb
-  taubench-gl capture game.dmo --player best --unit meters --out scene.glb
-  taubench-gl capture record --map oa_shouse --bots 14 --out game.dm_71""",
-)
+@click.group(cls=Commands, default="run")
 def capture() -> None:
     """Make scenes of recorded games, as the paper captures its scenes: 'capture GAME.dm_71 --out OUT.glb'.
 
     GAME is a demo of the Quake 3 family (Quake 3, OpenArena: .dm_68, .dm_70, .dm_71) or of Cube 2 (Sauerbraten: .dmo),
     the engine of the paper's scenes.  Maps, models and images come from the game's data files.  A scene made of them is
     a derived work: OpenArena's are GPL 2, those of Debian's cube2-data CC BY 3.0.
+
+    Examples:
+      taubench-gl capture info game.dm_71
+      taubench-gl capture game.dm_71 --start best --out scene.glb
+      taubench-gl capture game.dmo --player best --unit meters --out scene.glb
+      taubench-gl capture record --map oa_shouse --bots 14 --out game.dm_71
     """
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl capture run game.dm_71 --start 12 --out scene.glb
-  taubench-gl capture run game.dm_71 --start best --no-view-weapon --out scene.glb
-\b
-An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 0.5 to 3.5 points of
-frustum, and 4 to 10 of position and of normal.  docs/capture.md says what is in a scene."""
-)
+@command()
 @click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
 def run(
     game: Path,
@@ -74,6 +63,13 @@ def run(
 
     World, doors, items, missiles, players and their lights move as the game moves them, and the camera is the player's
     eye.  32 units of Quake 3 are a meter.  What the game draws and the file has not is listed.
+
+    Examples:
+      taubench-gl capture run game.dm_71 --start 12 --out scene.glb
+      taubench-gl capture run game.dm_71 --start best --no-view-weapon --out scene.glb
+
+    An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 0.5 to 3.5 points of
+    frustum, and 4 to 10 of position and of normal.  docs/capture.md says what is in a scene.
     """
     from taubench_gl.capture.games import read_recording
     from taubench_gl.capture.recording import Choice, best_window
@@ -105,12 +101,7 @@ def _number(text: str, kind: type, setting: str) -> Any:
         raise SettingsError(f"is {text!r:.60}", setting=setting, hint=hint) from None
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl capture info game.dm_71
-  taubench-gl capture info game.dm_71 --json"""
-)
+@command()
 @click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
 def info(
     game: Path,
@@ -123,6 +114,10 @@ def info(
     """Show map, players, when the recording player lives, and the windows of a recording by rotation.
 
     Needs only the recording; --data says which archives hold the map.
+
+    Examples:
+      taubench-gl capture info game.dm_71
+      taubench-gl capture info game.dm_71 --json
     """
     from taubench_gl.capture.games import read_recording
     from taubench_gl.capture.recording import RULE, STEP, stretches, windows
@@ -162,15 +157,7 @@ def _holder(map_name: str, reader: Any, data: Path | None) -> str:
         return str(error)
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl capture record --map oa_shouse --bots 14 --seconds 24 --out game.dm_71
-  taubench-gl capture record --map two_towers --bots 31 --seconds 8 --out game.dmo
-\b
-Needs ioquake3 and OpenArena (apt-get install ioquake3 openarena), or for OUT.dmo Cube 2 (apt-get install cube2
-cube2-data); no screen and no GPU.  Two recordings differ: the file, not the command, is the source of a scene."""
-)
+@command()
 def record(
     *,
     map_name: str = setting(REQUIRED, "Map", flag="--map", metavar="NAME"),
@@ -181,7 +168,15 @@ def record(
     out: Path = setting(REQUIRED, "File of the recording", metavar="OUT.dm_71|OUT.dmo"),
 ) -> None:
     """Record a match between bots: of OpenArena, seen by one of them, at a snapshot every 16 ms; with OUT.dmo of
-    Cube 2, which has all players, at a quarter of its speed, so that each is stored about 100 times a second."""
+    Cube 2, which has all players, at a quarter of its speed, so that each is stored about 100 times a second.
+
+    Examples:
+      taubench-gl capture record --map oa_shouse --bots 14 --seconds 24 --out game.dm_71
+      taubench-gl capture record --map two_towers --bots 31 --seconds 8 --out game.dmo
+
+    Needs ioquake3 and OpenArena (apt-get install ioquake3 openarena), or for OUT.dmo Cube 2 (apt-get install cube2
+    cube2-data); no screen and no GPU.  Two recordings differ: the file, not the command, is the source of a scene.
+    """
     if out.suffix == ".dmo":
         if rockets:
             raise SettingsError("is for OpenArena", setting="rockets", hint="give OUT.dm_71")

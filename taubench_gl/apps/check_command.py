@@ -24,12 +24,6 @@ if TYPE_CHECKING:
 @command(
     settings=option_group(only=("camera", "fps", "frames")),
     files=option_group(PathTracedOptions, without=("lobes", "second_seed")),
-    epilog="""\b
-Examples:
-  taubench-gl check exr:renders --camera-file renders/camera.json
-  taubench-gl check exr:engine --mapping unreal --scene-file scene.glb --out checked
-  taubench-gl check exr:engine --camera-file camera.json --write-mapping engine.toml
-  taubench-gl check exr:frames --mapping godot --pairs 8 --json""",
 )
 @click.argument("spec", metavar="exr:DIR")
 def check(
@@ -54,6 +48,12 @@ def check(
     Names what to set in the mapping.  The vectors of still surfaces, moving surfaces and the sky are each right,
     wrong or not judged; moving surfaces are judged with --scene-file or previous positions.  The exit code is 1 if
     something is wrong, else 3 if vectors are not judged; missing passes are no fault.  See docs/check-your-engine.md.
+
+    Examples:
+      taubench-gl check exr:renders --camera-file renders/camera.json
+      taubench-gl check exr:engine --mapping unreal --scene-file scene.glb --out checked
+      taubench-gl check exr:engine --camera-file camera.json --write-mapping engine.toml
+      taubench-gl check exr:frames --mapping godot --pairs 8 --json
     """
     from taubench_gl.pathtraced.check_report import check_summary, check_tables, save_check
     from taubench_gl.pathtraced.check_vectors import exit_code

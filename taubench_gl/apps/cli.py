@@ -83,35 +83,35 @@ def _names_scene(word: str) -> bool:
 @click.group(
     cls=Program,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
-    epilog="""\b
-Examples:
-  taubench-gl doctor
-  taubench-gl inspect scene.glb
-  taubench-gl evaluate scene.glb --out results
-  taubench-gl view results
-  taubench-gl compare results other-results
-  taubench-gl selftest
-  taubench-gl scenes make eternal-valley-fps valley.glb
-  taubench-gl stress scene.glb --camera vr --out hard.glb
-
-\b
-Errors end with exit code 2 and one line; TAUBENCH_DEBUG=1 adds the traceback.""",
 )
 @click.version_option(__version__, prog_name="taubench-gl")
 def cli() -> None:
-    """Measure how much of each frame the next one can reuse, on which pixels, and the error of a wrong reuse."""
+    """Measure how much of each frame the next one can reuse, on which pixels, and the error of a wrong reuse.
+
+    Examples:
+      taubench-gl doctor
+      taubench-gl inspect scene.glb
+      taubench-gl evaluate scene.glb --out results
+      taubench-gl view results
+      taubench-gl compare results other-results
+      taubench-gl selftest
+      taubench-gl scenes make eternal-valley-fps valley.glb
+      taubench-gl stress scene.glb --camera vr --out hard.glb
+
+    Errors end with exit code 2 and one line; TAUBENCH_DEBUG=1 adds the traceback.
+    """
 
 
-@command(
-    epilog="""\b
-Examples:
-  source <(taubench-gl completion bash)
-  taubench-gl completion zsh >> ~/.zshrc
-  taubench-gl completion fish > ~/.config/fish/completions/taubench-gl.fish"""
-)
+@command()
 @click.argument("shell", type=click.Choice(SHELLS))
 def completion(shell: str) -> None:
-    """Print the script that completes commands and options in SHELL."""
+    """Print the script that completes commands and options in SHELL.
+
+    Examples:
+      source <(taubench-gl completion bash)
+      taubench-gl completion zsh >> ~/.zshrc
+      taubench-gl completion fish > ~/.config/fish/completions/taubench-gl.fish
+    """
     maker = get_completion_class(shell)
     assert maker is not None, shell  # click has all three
     click.echo(maker(cli, {}, "taubench-gl", "_TAUBENCH_GL_COMPLETE").source())

@@ -17,16 +17,7 @@ if TYPE_CHECKING:
     from taubench_gl.report.table import Table
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl compare out/sponza out/bistro
-  taubench-gl compare out/* --no-paper --format csv > runs.csv
-  taubench-gl compare out/sponza --format latex > tables.tex
-  taubench-gl compare reuse-a reuse-b
-\b
-A page that shows runs side by side: 'taubench-gl report RUN RUN --out both.html'."""
-)
+@command()
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
 def compare(
     runs: tuple[str, ...],
@@ -39,6 +30,14 @@ def compare(
     RUN is an output folder of 'taubench-gl evaluate'.  Runs of one scene are labeled with the settings that differ.
     Folders of 'taubench-gl reuse evaluate' print the tables of their methods: in common tables where scene, frames,
     input and reference are the same, else one after another.
+
+    Examples:
+      taubench-gl compare out/sponza out/bistro
+      taubench-gl compare out/* --no-paper --format csv > runs.csv
+      taubench-gl compare out/sponza --format latex > tables.tex
+      taubench-gl compare reuse-a reuse-b
+
+    A page that shows runs side by side: 'taubench-gl report RUN RUN --out both.html'.
     """
     from taubench_gl.report import run_tables
     from taubench_gl.reuse.stored import is_evaluation

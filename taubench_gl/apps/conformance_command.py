@@ -21,16 +21,15 @@ def conformance() -> None:
     """Score the motion vectors of any engine on small scenes with known answers.  Needs no OpenGL."""
 
 
-@command(
-    settings=option_group(only=("size",), size="128x72"),
-    epilog="""\b
-Examples:
-  taubench-gl conformance write suite
-  taubench-gl conformance write suite --only skin --size 64x36""",
-)
+@command(settings=option_group(only=("size",), size="128x72"))
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
 def write(out: Path, settings: Settings, *, only: tuple[str, ...] = ONLY) -> None:
-    """Write the scenes, the list of their frames and the instructions for an engine to DIR."""
+    """Write the scenes, the list of their frames and the instructions for an engine to DIR.
+
+    Examples:
+      taubench-gl conformance write suite
+      taubench-gl conformance write suite --only skin --size 64x36
+    """
     from taubench_gl.conformance.cases import select
     from taubench_gl.conformance.suite import README, write_suite
 
@@ -40,12 +39,7 @@ def write(out: Path, settings: Settings, *, only: tuple[str, ...] = ONLY) -> Non
     click.echo(f"{len(cases)} cases written to {out}{os.sep}; read {out / README}")
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl conformance score exr:frames --mapping engine.toml --out scored
-  taubench-gl conformance score npz:frames --mapping engine.toml --only morph --json""",
-)
+@command()
 @click.argument("spec", metavar="exr:DIR|npz:DIR")
 def score(
     spec: str,
@@ -65,6 +59,10 @@ def score(
 
     The exit code is 1 if vectors of a case are wrong, else 3 if a case is not judged, because its frames are missing or
     the scene was not loaded as written, else 0.
+
+    Examples:
+      taubench-gl conformance score exr:frames --mapping engine.toml --out scored
+      taubench-gl conformance score npz:frames --mapping engine.toml --only morph --json
     """
     from taubench_gl.conformance.cases import select
     from taubench_gl.conformance.frames import EngineFrames
@@ -89,9 +87,13 @@ def score(
     return exit_code(overall({score.status for score in scores}), allow_unjudged)
 
 
-@command("list", epilog="\b\nExamples:\n  taubench-gl conformance list")
+@command("list")
 def list_cases(*, as_json: bool = AS_JSON) -> None:
-    """List the cases: their names and the classes of pixels that they are about."""
+    """List the cases: their names and the classes of pixels that they are about.
+
+    Examples:
+      taubench-gl conformance list
+    """
     from taubench_gl.conformance.cases import CASES
 
     if as_json:
@@ -100,10 +102,14 @@ def list_cases(*, as_json: bool = AS_JSON) -> None:
         show_list({name: ", ".join((*case.about, *case.extensions)) for name, case in CASES.items()})
 
 
-@command(epilog="\b\nExamples:\n  taubench-gl conformance show jitter")
+@command()
 @click.argument("name", metavar="CASE")
 def show(name: str) -> None:
-    """Show what CASE is about: its text, classes and extensions."""
+    """Show what CASE is about: its text, classes and extensions.
+
+    Examples:
+      taubench-gl conformance show jitter
+    """
     from taubench_gl.conformance.cases import CASES
     from taubench_gl.conformance.suite import case_text
     from taubench_gl.errors import SettingsError

@@ -6,27 +6,20 @@ from pathlib import Path
 
 import click
 
-from taubench_gl.apps.options import command
+from taubench_gl.apps.options import CAMERA_PATH, command, option_group
 from taubench_gl.apps.screen import show_notes
+from taubench_gl.errors import SettingsError
 from taubench_gl.fields import one_of, setting
+from taubench_gl.settings import Settings
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl convert scene.blend scene.glb
-  taubench-gl convert scene.fbx scene.glb --take Run
-  taubench-gl convert scene.usdc scene.glb
-\b
-Reads .blend .fbx .usd .usda .usdc .usdz .abc .ply .stl .dae.  The other commands convert such files on the fly and
-keep the result in the cache.  Needs Blender as a Python module (bpy), best in an environment of its own;
-TAUBENCH_BLENDER_PYTHON names the interpreter that has it.  Scripts inside .blend files are not run."""
-)
+@command(settings=option_group(only=CAMERA_PATH))
 @click.argument("source", metavar="SCENE")
 @click.argument("target", type=click.Path(path_type=Path), metavar="OUT.glb")
 def convert(
     source: str,
     target: Path,
+    settings: Settings,
     *,
     take: str | None = setting(
         None,
@@ -42,7 +35,27 @@ def convert(
 
     Lists what glTF has no form for.  Lights are in candela and lux, 683 lm for each watt; the other commands divide
     them by 683 (--light-unit auto).  The world is written as an environment image beside OUT.glb and used by default.
+    With --camera-path, SCENE is any scene that 'stress' accepts, and OUT.glb has the recorded camera as an animation.
+
+    Examples:
+      taubench-gl convert scene.blend scene.glb
+      taubench-gl convert scene.fbx scene.glb --take Run
+      taubench-gl convert scene.usdc scene.glb
+      taubench-gl convert scene.glb --camera-path head.csv walked.glb
+
+    Reads .blend .fbx .usd .usda .usdc .usdz .abc .ply .stl .dae.  The other commands convert such files on the fly and
+    keep the result in the cache.  Needs Blender as a Python module (bpy), best in an environment of its own;
+    TAUBENCH_BLENDER_PYTHON names the interpreter that has it.  Scripts inside .blend files are not run.
     """
+    if settings.sequence.camera_path is not None:
+        from taubench_gl.datasets.stress import stress
+
+        if take or up_axis:
+            hint = "convert the file first, then the result with --camera-path"
+            raise SettingsError("--take and --up-axis have no effect with --camera-path", hint=hint)
+        done = stress(source, target, settings.sequence)
+        click.echo(f"{done.taken}\n{done.file}: {done.seconds:.6g} s of its camera at {done.fps:.6g} fps")
+        return
     from taubench_gl.pathtraced.blender.convert import convert as convert_file
     from taubench_gl.scene import load_scene
 

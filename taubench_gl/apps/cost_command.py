@@ -20,15 +20,6 @@ from taubench_gl.settings import OUTPUT, STEREO, Settings
     settings=option_group(
         without=(*STEREO, "exact", "samples_per_pixel", "light", "spp", "light_within", "light_time", "pattern")
     ),
-    epilog="""\b
-Examples:
-  taubench-gl cost scene.glb --out study --size 480x270
-  taubench-gl cost scene.glb --out study --size 480x270 --frames 0:9 --longest 1m
-  taubench-gl cost scene.glb --out study --columns position,direct --truth-within 0.5 --clock cpu
-  taubench-gl evaluate scene.glb --preset study/within-60s.toml
-\b
-DIR receives cost.html, cost.txt, cost.json, the picture (PNG, SVG), tables, the presets within-10s.toml,
-within-60s.toml and within-0.5points.toml, and records: the same command goes on after an interruption.""",
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 def cost(
@@ -43,6 +34,15 @@ def cost(
     One table is evaluated in many ways: previews, decided samples (--light-within 4 to 0.5) and fixed samples per pixel
     (--spp 1 to 64).  Each is timed and compared with the truth, many more decided samples of other seeds.  One picture
     has seconds against error.  With several scenes, each gets a folder inside DIR.
+
+    Examples:
+      taubench-gl cost scene.glb --out study --size 480x270
+      taubench-gl cost scene.glb --out study --size 480x270 --frames 0:9 --time 5m
+      taubench-gl cost scene.glb --out study --columns position,direct --truth-within 0.5 --clock cpu
+      taubench-gl evaluate scene.glb --preset study/within-60s.toml
+
+    DIR receives cost.html, cost.txt, cost.json, the picture (PNG, SVG), tables, the presets within-10s.toml,
+    within-60s.toml and within-0.5points.toml, and records: the same command goes on after an interruption.
     """
     failed = for_each_scene(scenes, out, lambda scene, folder: _run(scene, settings, folder, options))
     return 2 if failed else 0

@@ -44,21 +44,7 @@ class DemoType(click.ParamType):
         return [CompletionItem(n, help=d.text.title) for n, d in DEMOS.items() if n.startswith(incomplete)]
 
 
-@command(
-    settings=option_group(only=GPU),
-    epilog="""\b
-Examples:
-  taubench-gl demo
-  taubench-gl demo rotations
-  taubench-gl demo 3 7 --out lecture --size 640x360
-  taubench-gl demo --lecture --out lecture
-  taubench-gl demo --all --out lecture --notebook
-  taubench-gl demo occlusion --view
-  taubench-gl demo occlusion --scene board.glb
-\b
-DIR receives the figures (PNG), a self-contained HTML page per demo, index.html with --all or --lecture, and Jupyter
-notebooks with --notebook.  docs/demos.md lists the demos.""",
-)
+@command(settings=option_group(only=GPU))
 @click.argument("named", nargs=-1, metavar="[NAME|NUMBER]...", type=DemoType())
 def demo(
     named: tuple[Any, ...],  # demos
@@ -86,6 +72,18 @@ def demo(
 
     Each number is compared with its theoretical value; the exit code is 1 if one differs.  Without a name, lists the
     demos.
+
+    Examples:
+      taubench-gl demo
+      taubench-gl demo rotations
+      taubench-gl demo 3 7 --out lecture --size 640x360
+      taubench-gl demo --lecture --out lecture
+      taubench-gl demo --all --out lecture --notebook
+      taubench-gl demo occlusion --view
+      taubench-gl demo occlusion --scene board.glb
+
+    DIR receives the figures (PNG), a self-contained HTML page per demo, index.html with --all or --lecture, and Jupyter
+    notebooks with --notebook.  docs/demos.md lists the demos.
     """
     from taubench_gl.demos.lessons import DEMOS, find_demo
     from taubench_gl.demos.texts import TEXTS

@@ -14,14 +14,7 @@ from taubench_gl.fields import setting
 from taubench_gl.settings import Settings
 
 
-@command(
-    settings=option_group(only=GPU),
-    epilog="""\b
-Examples:
-  taubench-gl doctor
-  taubench-gl doctor --backend osmesa --json
-  taubench-gl doctor --report driver.json""",
-)
+@command(settings=option_group(only=GPU))
 def doctor(
     settings: Settings,
     *,
@@ -36,6 +29,11 @@ def doctor(
     """Print the OpenGL of this machine, its limits, and the versions of installed libraries.
 
     If OpenGL 4.5 cannot be opened, exits with code 2 and prints a command that may help.
+
+    Examples:
+      taubench-gl doctor
+      taubench-gl doctor --backend osmesa --json
+      taubench-gl doctor --report driver.json
     """
     from taubench_gl.gpu.capabilities import capability_report
 

@@ -21,30 +21,17 @@ if TYPE_CHECKING:
     from taubench_gl.run import Run
 
 SAVE = ("masks", "channels")
-
-
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl evaluate scene.glb
-  taubench-gl evaluate scene.glb --out results --save masks
-  taubench-gl evaluate scene.glb --out results --report
-  taubench-gl evaluate scene.glb --out results --report-full --frames 0:24
-  taubench-gl evaluate a.glb b.gltf --out results --size 1280x720 --fps 60
-  taubench-gl evaluate scene.glb --frames 0:25 --reprojection motion --threshold normal=0.05
-  taubench-gl evaluate scene.glb --exact --reprojection motion
-  taubench-gl evaluate scene.glb --columns frustum,position,direct --environment 0.2,0.3,0.5 --exposure 0.5
-  taubench-gl evaluate scene.glb --preset study/within-60s.toml
-  taubench-gl evaluate bart-museum --size 960x540
-  taubench-gl evaluate exr:renders --camera-file renders/camera.json --lobe glossy
-\b
-With --out, DIR receives summary.json, frames.csv (one row per finished pair, also after an interrupt), tables as
-text, Markdown, CSV and LaTeX, and plots.  Several scenes get one folder each in DIR.
-\b
-Columns of Table 4 (all terms: docs/glossary.md):
-"""
-    + definitions(COLUMNS)
+PRESET = setting(
+    None,
+    "Settings recommended by 'taubench-gl cost', without scene, camera and frames of its study; options given beside "
+    "it take precedence",
+    group=SCENE,
+    short=False,
+    metavar="FILE",
 )
+
+
+@command(epilog="\b\nColumns of Table 4 (all terms: docs/glossary.md):\n" + definitions(COLUMNS))
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 def evaluate(
     scenes: tuple[str, ...],
@@ -63,14 +50,7 @@ def evaluate(
         short=False,
     ),
     verbose: bool = setting(False, "Print all tables, with the paper's rows and the notes of each", group=OUTPUT),
-    preset: Path | None = setting(
-        None,
-        "Settings recommended by 'taubench-gl cost', without scene, camera and frames of its study; options given "
-        "beside it take precedence",
-        group=SCENE,
-        short=False,
-        metavar="FILE",
-    ),
+    preset: Path | None = PRESET,
 ) -> int:
     """Measure how much of each frame the next one can reuse: the share, its reasons, and the paper's Tables 1 to 4.
 
@@ -78,6 +58,22 @@ def evaluate(
     files ("name*.obj@30"), exr:DIR (a folder of path-traced OpenEXR frames), or the name of a scene that 'scenes get'
     downloaded (also scene:NAME), with its frame rate, frames, camera and units.  If one of several scenes fails, the
     others are still evaluated and the exit code is 2.
+
+    Examples:
+      taubench-gl evaluate scene.glb
+      taubench-gl evaluate scene.glb --out results --save masks
+      taubench-gl evaluate scene.glb --out results --report
+      taubench-gl evaluate scene.glb --out results --report-full --frames 0:24
+      taubench-gl evaluate a.glb b.gltf --out results --size 1280x720 --fps 60
+      taubench-gl evaluate scene.glb --frames 0:25 --reprojection motion --threshold normal=0.05
+      taubench-gl evaluate scene.glb --exact --reprojection motion
+      taubench-gl evaluate scene.glb --columns frustum,position,direct --environment 0.2,0.3,0.5 --exposure 0.5
+      taubench-gl evaluate scene.glb --preset study/within-60s.toml
+      taubench-gl evaluate bart-museum --size 960x540
+      taubench-gl evaluate exr:renders --camera-file renders/camera.json --lobe glossy
+
+    With --out, DIR receives summary.json, frames.csv (one row per finished pair, also after an interrupt), tables as
+    text, Markdown, CSV and LaTeX, and plots.  Several scenes get one folder each in DIR.
     """
     for name, wanted in (("save", save), ("report-full", report_full), ("report", report)):
         if wanted and out is None:

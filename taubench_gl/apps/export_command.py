@@ -13,21 +13,7 @@ from taubench_gl.option_groups import ExportOptions, TrainingOptions
 from taubench_gl.settings import OUTPUT, Settings
 
 
-@command(
-    settings=option_group(without=("exact", "storage", "samples_per_pixel", "pairs")),
-    epilog="""\b
-Examples:
-  taubench-gl export scene.glb --out gbuffers
-  taubench-gl export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks
-  taubench-gl export scene.glb --out training --format zarr --channels all --size 640x360 --jitter halton
-  taubench-gl export scene.glb --out pairs --input path-traced@1 --seeds 4 --reference path-traced@1024 --size 320x180
-  taubench-gl export scene.glb --out sintel --format sintel --frames 0:50
-  taubench-gl evaluate exr:frames
-\b
-Channels: gbuffer (position, depth, normal, geometric_normal, base_color, material, emission, ids), radiance (direct,
-indirect, color), lobes (direct_LOBE and indirect_LOBE, for LOBE as in 'evaluate --lobe'), flow (motion,
-motion_forward), masks (mask, mask_forward), prev_position, prev_visibility, path_info, all; exact_reasons.""",
-)
+@command(settings=option_group(without=("exact", "storage", "samples_per_pixel", "pairs")))
 @click.argument("scene_path", metavar="SCENE")
 def export(
     scene_path: str,
@@ -42,6 +28,19 @@ def export(
 
     Row 0 is the top; motion is in pixels, +x right, +y down.  The same command continues an interrupted export.  A
     folder with another export is refused.  See docs/export.md.
+
+    Examples:
+      taubench-gl export scene.glb --out gbuffers
+      taubench-gl export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks
+      taubench-gl export scene.glb --out training --format zarr --channels all --size 640x360 --jitter halton
+      taubench-gl export a.glb --out pairs --input path-traced@1 --seeds 4 --reference path-traced@1024 --size 320x180
+      taubench-gl export scene.glb --out sintel --format sintel --frames 0:50
+      taubench-gl export scene.glb --out nss --format nss --input jittered+upscale@2 --reference max --size 1280x720
+      taubench-gl evaluate exr:frames
+
+    Channels: gbuffer (position, depth, normal, geometric_normal, base_color, material, emission, ids), radiance
+    (direct, indirect, color), lobes (direct_LOBE and indirect_LOBE, for LOBE as in 'evaluate --lobe'), flow
+    (motion, motion_forward), masks (mask, mask_forward), prev_position, prev_visibility, path_info, all; exact_reasons.
     """
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.apps.progress import ProgressBar

@@ -14,6 +14,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from taubench_gl.camera_path_settings import CameraPathSettings
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import NO_OPTION, REQUIRED, Setting, declared, setting
 from taubench_gl.memory_budget import VARIABLE, parse_bytes
@@ -38,8 +39,9 @@ HEADINGS = ("", OUTPUT, SCENE, PICTURE, MASKS, LIGHT, FILES, MACHINE)
 MOST_SHORT = 12
 """Options of a command up to which the short help shows all."""
 
-FRAMES = ("camera", "scene", "animation", "strict", "fps", "frames", "size")
-"""Settings that say what is rendered."""
+CAMERA_PATH = tuple(declared(CameraPathSettings))
+FRAMES = ("camera", *CAMERA_PATH, "scene", "animation", "strict", "fps", "frames", "size")
+"""Settings of a recorded camera, and all that say what is rendered."""
 
 GPU = ("backend", "device")
 
@@ -216,7 +218,16 @@ def require_used(settings: Settings) -> None:
         raise SettingsError(f"{option} has no effect: history is frame", hint=hint, setting=name)
 
 
-class Command(click.Command):
+class Documented(click.Command):
+    """A command whose help is a docstring; what it says from ``Examples:`` on follows the options, line by line."""
+
+    def __init__(self, *args: Any, help: str | None = None, epilog: str | None = None, **more: Any):
+        text, heading, examples = inspect.cleandoc(help or "").partition("Examples:\n")
+        paragraphs = [f"\b\n{part}" for part in (heading + examples).split("\n\n") if part]
+        super().__init__(*args, help=text.rstrip(), epilog="\n\n".join([*paragraphs, epilog or ""]), **more)
+
+
+class Command(Documented):
     """A command with a short and a complete help."""
 
     def shown(self, ctx: click.Context) -> list[click.Option]:
@@ -254,13 +265,13 @@ def _show_complete_help(ctx: click.Context, _param: click.Parameter, wanted: boo
 
 
 def command(
-    name: str | None = None, *, epilog: str = "", **groups: OptionGroup
+    name: str | None = None, *, epilog: str | None = None, **groups: OptionGroup
 ) -> Callable[[Callable[..., Any]], Command]:
     """Decorator that makes a function a command.
 
     Keyword parameters of the function whose default is a ``fields.setting`` are options; so are the fields of
     parameters that are annotated with Settings or a dataclass of fields.  ``groups``: which fields, by parameter; all
-    by default.  Arguments are declared with ``click.argument``.
+    by default.  ``epilog``: what the help says after the examples.  Arguments are declared with ``click.argument``.
     """
 
     def decorate(function: Callable[..., Any]) -> Command:
@@ -305,7 +316,7 @@ def _other_groups(function: Callable[..., Any], groups: dict[str, OptionGroup]) 
             yield name, option_group(kind)
 
 
-class Commands(click.Group):
+class Commands(Documented, click.Group):
     """A group of commands.  ``sections``: heading -> names, for its help; ``default``: the command that is implied."""
 
     command_class = Command

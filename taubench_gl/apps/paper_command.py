@@ -10,24 +10,16 @@ import click
 from taubench_gl.apps.options import command
 from taubench_gl.apps.screen import interruptible, show_tables, warn
 from taubench_gl.fields import setting
-from taubench_gl.option_groups import EngineOptions, PaperOptions
+from taubench_gl.option_groups import PaperOptions, WorkerOptions
 from taubench_gl.settings import OUTPUT
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl paper --out paper --quick
-  taubench-gl paper --out paper --workers 4
-  taubench-gl paper eternal-valley-fps --out paper --light raster,path-traced --lobe diffuse --lobe glossy
-  taubench-gl paper --out paper --quick --light auto,raster
-  taubench-gl paper --out paper --light path-traced --estimate"""
-)
+@command()
 @click.argument("scenes", nargs=-1, metavar="[SCENE]...")
 def paper(
     scenes: tuple[str, ...],
     options: PaperOptions,
-    engine: EngineOptions,
+    workers: WorkerOptions,
     *,
     out: Path = setting(Path("paper"), "Folder of the results", group=OUTPUT, metavar="DIR"),
     only_estimate: bool = setting(False, "Print the estimated time, and stop", flag="--estimate"),
@@ -40,6 +32,13 @@ def paper(
 
     DIR gets paper.html, paper.tex, paper.json, tables and figures.  A run that was stopped, in whatever way, continues
     where it stopped when the command is repeated.  The exit code is 2 if a scene has failed.
+
+    Examples:
+      taubench-gl paper --out paper --quick
+      taubench-gl paper --out paper --workers 4
+      taubench-gl paper eternal-valley-fps --out paper --light raster,path-traced --lobe diffuse --lobe glossy
+      taubench-gl paper --out paper --quick --light auto,raster
+      taubench-gl paper --out paper --light path-traced --estimate
     """
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.apps.progress import StudyScreen
@@ -47,22 +46,22 @@ def paper(
     from taubench_gl.paper.output import PAGE, write_study
     from taubench_gl.paper.scenes import find_scenes
     from taubench_gl.paper.study import plan, run_jobs
-    from taubench_gl.study.driver import make_engine
+    from taubench_gl.study.engines import engine
     from taubench_gl.study.progress import announce
 
-    make_engine(engine.engine, engine.workers, out)  # refuses what there is not before anything is drawn
+    engine(workers.workers, out)  # refuses what there is not before anything is drawn
     available = find_scenes(scenes, resolve)
     for name, why in available.missing.items():
         warn(f"not measured: {name}: {why}")
     jobs = plan(available.scenes, options)
     times = estimate(jobs, out)
-    announce(times, "pairs", engine.workers, warn)
+    announce(times, "pairs", workers.workers, warn)
     if only_estimate:
         return 0
     slowest = max((each.seconds for each in times), default=None)
     with interruptible(lambda: "finished pairs are kept: repeat the command to continue"):
         with StudyScreen() as screen:
-            results = run_jobs(jobs, out, slowest, **asdict(engine), listener=screen)
+            results = run_jobs(jobs, out, slowest, **asdict(workers), listener=screen)
         tables, files = write_study(results, jobs, available, options, out)
     show_tables(tables)
     click.echo(f"written to {', '.join(map(str, files))}; open {out / PAGE}")

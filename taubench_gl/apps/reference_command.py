@@ -27,17 +27,7 @@ def reference() -> None:
     """
 
 
-@command(
-    settings=option_group(only=(*FRAMES, "culling", *FIXED_LIGHTING)),
-    epilog="""\b
-Examples:
-  taubench-gl reference render scene.glb --out renders --size 480x270 --samples 256
-  taubench-gl reference render scene.glb --out crisp --crisp --samples 1 --frames 0:10
-  taubench-gl evaluate exr:renders --camera-file renders/camera.json
-\b
-Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
-interpreter that has it.  An interrupted render continues with the first missing frame.""",
-)
+@command(settings=option_group(only=(*FRAMES, "culling", *FIXED_LIGHTING)))
 @click.argument("scene_path", metavar="SCENE")
 def render(
     scene_path: str,
@@ -46,7 +36,16 @@ def render(
     *,
     out: Path = setting(REQUIRED, "Folder for the frames", group=OUTPUT, metavar="DIR"),
 ) -> None:
-    """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
+    """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log.
+
+    Examples:
+      taubench-gl reference render scene.glb --out renders --size 480x270 --samples 256
+      taubench-gl reference render scene.glb --out crisp --crisp --samples 1 --frames 0:10
+      taubench-gl evaluate exr:renders --camera-file renders/camera.json
+
+    Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
+    interpreter that has it.  An interrupted render continues with the first missing frame.
+    """
     from taubench_gl.effects.lighting import environment_of
     from taubench_gl.evaluation import environment_image, plan_scene
     from taubench_gl.pathtraced.blender.job import Quality
@@ -108,14 +107,7 @@ class _ProgressLines:
         self._line(f"frame {progress.done}/{progress.total}: {progress.seconds:.1f} s, {left:.0f} s left")
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl evaluate scene.glb --size 320x180 --out raster --save masks,channels
-  taubench-gl evaluate exr:renders --out traced --save masks,channels
-  taubench-gl reference compare raster traced
-  taubench-gl reference compare raster traced --out comparison"""
-)
+@command()
 @click.argument("first", metavar="RUN")
 @click.argument("second", metavar="REFERENCE")
 def compare(
@@ -129,6 +121,12 @@ def compare(
 
     Shows differences of every column in percentage points, noise floors, and seconds per frame.  With saved masks: also
     their overlap and the worst pair.  With saved channels: also the error distribution of every feature.
+
+    Examples:
+      taubench-gl evaluate scene.glb --size 320x180 --out raster --save masks,channels
+      taubench-gl evaluate exr:renders --out traced --save masks,channels
+      taubench-gl reference compare raster traced
+      taubench-gl reference compare raster traced --out comparison
     """
     from taubench_gl.pathtraced.compare import compare_runs, save_comparison
     from taubench_gl.pathtraced.compare_report import comparison_text
@@ -143,15 +141,14 @@ def compare(
         click.echo(f"written to {out}{os.sep}", err=as_json)
 
 
-@command(
-    "list",
-    epilog="""\b
-Examples:
-  taubench-gl reference list
-  taubench-gl reference list --json""",
-)
+@command("list")
 def list_references(*, as_json: bool = AS_JSON) -> None:
-    """List the stored path-traced references: scene, size, frames, fewest samples of a frame, bytes."""
+    """List the stored path-traced references: scene, size, frames, fewest samples of a frame, bytes.
+
+    Examples:
+      taubench-gl reference list
+      taubench-gl reference list --json
+    """
     from taubench_gl.pathtraced.references import listed, references_folder
 
     stored = listed()
@@ -169,13 +166,7 @@ def list_references(*, as_json: bool = AS_JSON) -> None:
     click.echo(f"{len(stored)} references, {total / 2**20:.1f} MiB in {references_folder()}")
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl reference clear --old
-  taubench-gl reference clear 3fa2b40c1de85f77
-  taubench-gl reference clear --all"""
-)
+@command()
 @click.argument("keys", nargs=-1, metavar="[KEY...]")
 def clear(
     keys: tuple[str, ...],
@@ -183,7 +174,13 @@ def clear(
     old: bool = setting(False, "Those that another version of the path tracer made"),
     everything: bool = setting(False, "All", flag="--all"),
 ) -> None:
-    """Delete stored path-traced references by their KEY in 'reference list'."""
+    """Delete stored path-traced references by their KEY in 'reference list'.
+
+    Examples:
+      taubench-gl reference clear --old
+      taubench-gl reference clear 3fa2b40c1de85f77
+      taubench-gl reference clear --all
+    """
     from taubench_gl.pathtraced.references import clear as delete
     from taubench_gl.pathtraced.references import listed
 

@@ -34,15 +34,14 @@ def reject() -> None:
     """Rejection tests of history, scored against exact visibility (docs/reject.md)."""
 
 
-@command(
-    "list",
-    epilog="""\b
-Examples:
-  taubench-gl reject list
-  taubench-gl reject list --json""",
-)
+@command("list")
 def list_tests(*, as_json: bool = AS_JSON) -> None:
-    """List the built-in tests."""
+    """List the built-in tests.
+
+    Examples:
+      taubench-gl reject list
+      taubench-gl reject list --json
+    """
     from taubench_gl.reject.contract import builtin_tests, load_test
 
     tests = [load_test(name) for name in builtin_tests()]
@@ -55,16 +54,6 @@ def list_tests(*, as_json: bool = AS_JSON) -> None:
 
 @command(
     settings=SETTINGS,
-    epilog="""\b
-Examples:
-  taubench-gl reject evaluate scene.glb --size 640x360 --frames 20:30
-  taubench-gl reject evaluate scene.glb --tests position,plane_distance,footprint_plane+object_id --out results
-  taubench-gl reject evaluate scene.glb --tests position=0.05,position=0.5 --tests ./my_test
-  taubench-gl reject evaluate exr:frames --scene-file scene.glb --mapping engine.toml --tests relative_depth
-\b
-Positive means that history must be rejected.  Geometric tests are scored against visibility, tests of color
-against visibility or changed light; both are printed.  Pixels of the frustum and the sky stand apart.
-exr:DIR: also the rejection that the frames have, in a pass rejected or history_weight of their mapping.""",
     files=option_group(PathTracedOptions, without=("lobes", "second_seed", "camera_file")),
 )
 @click.argument("path", metavar="SCENE")
@@ -78,7 +67,18 @@ def evaluate(
         None, "Also write reject.json, tables, plots and report.html", group=OUTPUT, metavar="DIR"
     ),
 ) -> None:
-    """Score rejection tests on SCENE: precision, recall, curves over thresholds; by distance, angle, object, motion."""
+    """Score rejection tests on SCENE: precision, recall, curves over thresholds; by distance, angle, object, motion.
+
+    Examples:
+      taubench-gl reject evaluate scene.glb --size 640x360 --frames 20:30
+      taubench-gl reject evaluate scene.glb --tests position,plane_distance,footprint_plane+object_id --out results
+      taubench-gl reject evaluate scene.glb --tests position=0.05,position=0.5 --tests ./my_test
+      taubench-gl reject evaluate exr:frames --scene-file scene.glb --mapping engine.toml --tests relative_depth
+
+    Positive means that history must be rejected.  Geometric tests are scored against visibility, tests of color
+    against visibility or changed light; both are printed.  Pixels of the frustum and the sky stand apart.
+    exr:DIR: also the rejection that the frames have, in a pass rejected or history_weight of their mapping.
+    """
     from taubench_gl.reject.output import write_rejection
     from taubench_gl.report.reject import reject_tables
 
@@ -91,12 +91,7 @@ def evaluate(
         click.echo(f"written to {out}{os.sep}")
 
 
-@command(
-    settings=SETTINGS,
-    epilog="""\b
-Examples:
-  taubench-gl reject fit scene.glb --tests position,footprint_plane --recall 0.98""",
-)
+@command(settings=SETTINGS)
 @click.argument("path", metavar="SCENE")
 def fit(
     path: str,
@@ -111,6 +106,9 @@ def fit(
     """Find the largest threshold of each test that reaches a recall, and print what it costs.
 
     Thresholds are on a logarithmic grid of eight per octave.  A test that cannot reach the recall has none.
+
+    Examples:
+      taubench-gl reject fit scene.glb --tests position,footprint_plane --recall 0.98
     """
     from taubench_gl.reject.output import check_recall, fit_table, fitted
 
@@ -122,14 +120,7 @@ def fit(
         show_tables([fit_table(thresholds)])
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl reject method --tests position,footprint_plane+object_id --out methods
-  taubench-gl reuse evaluate scene.glb --input noisy --methods methods/reject_position
-  taubench-gl reject method --tests position,svgf --history reservoirs --out gates
-  taubench-gl reuse evaluate scene.glb --input path-traced@1 --reference path-traced --methods gates/gate_position"""
-)
+@command()
 def method(
     *,
     tests: tuple[str, ...] | None = TESTS,
@@ -143,6 +134,12 @@ def method(
     """Write rejection tests as reuse methods that differ only in the history they reject.
 
     'reuse evaluate' compares their images: what false positives cost in noise, and false negatives in ghosts or bias.
+
+    Examples:
+      taubench-gl reject method --tests position,footprint_plane+object_id --out methods
+      taubench-gl reuse evaluate scene.glb --input noisy --methods methods/reject_position
+      taubench-gl reject method --tests position,svgf --history reservoirs --out gates
+      taubench-gl reuse evaluate scene.glb --input path-traced@1 --reference path-traced --methods gates/gate_position
     """
     from taubench_gl.reject.as_method import write_methods
     from taubench_gl.reject.contract import builtin_tests, load_tests

@@ -14,18 +14,7 @@ from taubench_gl.fields import at_least, setting
 from taubench_gl.settings import OUTPUT
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl evaluate scene.glb --out results --report
-  taubench-gl report results
-  taubench-gl report results other-results --out both.html
-  taubench-gl report results --images 24 --out small.html
-  taubench-gl report reuse-results
-\b
-The page is one file that needs no network and no server.  Frames with their masks require runs of
-'evaluate --report', masks that follow the thresholds runs of 'evaluate --report-full'."""
-)
+@command()
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
 def report(
     runs: tuple[str, ...],
@@ -44,6 +33,16 @@ def report(
     RUN is an output folder of 'taubench-gl evaluate'.  The page shows Tables 1 to 4 with the paper's rows, the frames
     with their reason masks, plots per frame, threshold curves, effects, camera cuts and provenance.  One folder of
     'taubench-gl reuse evaluate' makes the page of that evaluation.
+
+    Examples:
+      taubench-gl evaluate scene.glb --out results --report
+      taubench-gl report results
+      taubench-gl report results other-results --out both.html
+      taubench-gl report results --images 24 --out small.html
+      taubench-gl report reuse-results
+
+    The page is one file that needs no network and no server.  Frames with their masks require runs of
+    'evaluate --report', masks that follow the thresholds runs of 'evaluate --report-full'.
     """
     from taubench_gl.apps.screen import load_runs
     from taubench_gl.report.page import REPORT_FILE
@@ -62,13 +61,7 @@ def report(
     _echo_written(path)
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl evaluate scene.glb --out results --report
-  taubench-gl share results
-  taubench-gl share results --out walk.html"""
-)
+@command()
 @click.argument("run", metavar="RUN")
 def share(
     run: str,
@@ -81,6 +74,11 @@ def share(
 
     RUN is an output folder of 'taubench-gl evaluate --report'.  The file is the report with smaller images of all
     recorded pairs; it needs no network and no server, and fits in a message.
+
+    Examples:
+      taubench-gl evaluate scene.glb --out results --report
+      taubench-gl share results
+      taubench-gl share results --out walk.html
     """
     from taubench_gl.apps.screen import load_runs
     from taubench_gl.report.run_frames import stored_frames

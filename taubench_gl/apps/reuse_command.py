@@ -42,15 +42,14 @@ def reuse() -> None:
     """Temporal reuse methods: built-in ones and your own (docs/reuse.md)."""
 
 
-@command(
-    "list",
-    epilog="""\b
-Examples:
-  taubench-gl reuse list
-  taubench-gl reuse list --json""",
-)
+@command("list")
 def list_methods(*, as_json: bool = AS_JSON) -> None:
-    """List the methods that have a name: built-in, or installed by other packages."""
+    """List the methods that have a name: built-in, or installed by other packages.
+
+    Examples:
+      taubench-gl reuse list
+      taubench-gl reuse list --json
+    """
     from taubench_gl.errors import MethodError
     from taubench_gl.reuse.loading import builtin_methods, installed_methods, load_method
 
@@ -66,15 +65,15 @@ def list_methods(*, as_json: bool = AS_JSON) -> None:
     show_list(rows)
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl reuse show svgf
-  taubench-gl reuse show my-method --json"""
-)
+@command()
 @click.argument("name", metavar="NAME|PATH")
 def show(name: str, *, as_json: bool = AS_JSON) -> None:
-    """Show citation, inputs, settings, passes and memory of a method.  Needs no OpenGL."""
+    """Show citation, inputs, settings, passes and memory of a method.  Needs no OpenGL.
+
+    Examples:
+      taubench-gl reuse show svgf
+      taubench-gl reuse show my-method --json
+    """
     from taubench_gl.apps.screen import show_pairs
     from taubench_gl.reuse.loading import load_method
 
@@ -140,14 +139,7 @@ def describe(method: Method) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl reuse new my-method
-  taubench-gl reuse check my-method
-  taubench-gl reuse new my-method --python
-  taubench-gl reuse new my-reservoirs --samples"""
-)
+@command()
 @click.argument("path", metavar="NAME|PATH", type=click.Path(path_type=Path))
 def new(
     path: Path,
@@ -157,7 +149,14 @@ def new(
         False, "Write a method that computes direct light itself, from samples of lights and shadow rays"
     ),
 ) -> None:
-    """Write a working example: a folder with method.toml and GLSL, or one Python file."""
+    """Write a working example: a folder with method.toml and GLSL, or one Python file.
+
+    Examples:
+      taubench-gl reuse new my-method
+      taubench-gl reuse check my-method
+      taubench-gl reuse new my-method --python
+      taubench-gl reuse new my-reservoirs --samples
+    """
     from taubench_gl.reuse.check import write_example
 
     python = python or path.suffix == ".py"
@@ -169,13 +168,7 @@ def new(
     click.echo(f"try it: taubench-gl reuse check {shlex.quote(str(files[0] if python else path))}")
 
 
-@command(
-    settings=option_group(only=GPU),
-    epilog="""\b
-Examples:
-  taubench-gl reuse check my-method
-  taubench-gl reuse check my_method.py:Variant --set alpha=0.05""",
-)
+@command(settings=option_group(only=GPU))
 @click.argument("path", metavar="NAME|PATH")
 def check(
     path: str,
@@ -185,7 +178,12 @@ def check(
         (), "Value of a setting; may be repeated", flag="--set", metavar="NAME=V", read=_pairs, repeats=True
     ),
 ) -> None:
-    """Validate a method, compile it, and run it over a small synthetic sequence."""
+    """Validate a method, compile it, and run it over a small synthetic sequence.
+
+    Examples:
+      taubench-gl reuse check my-method
+      taubench-gl reuse check my_method.py:Variant --set alpha=0.05
+    """
     from taubench_gl.gpu.context import open_gpu
     from taubench_gl.reuse.check import check_method
     from taubench_gl.reuse.loading import load_method

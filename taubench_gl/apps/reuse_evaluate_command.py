@@ -23,22 +23,7 @@ if TYPE_CHECKING:
 SETTINGS = option_group(only=(*FRAMES, *REUSE_SETTINGS, *STEREO, *GPU))
 
 
-@command(
-    settings=SETTINGS,
-    epilog="""\b
-Examples:
-  taubench-gl reuse evaluate scene.glb --methods none,accumulate,svgf --frames 0:24 --out results --report
-  taubench-gl reuse evaluate scene.glb --methods none,taa_clamp,ideal-masks --input full
-  taubench-gl reuse evaluate scene.glb --methods accumulate,svgf --input noisy+jittered --out results
-  taubench-gl reuse evaluate scene.glb --methods taa_clamp@alpha=0.05/0.2,svgf@alpha=0.05:0.5:4,./my_method
-  taubench-gl reuse evaluate scene.glb --methods svgf --input path-traced@1 --reference path-traced@1024
-  taubench-gl reuse evaluate scene.glb --methods svgf --input exr:one-sample --reference exr:many-samples
-  taubench-gl reuse evaluate scene.glb --methods svgf,exr:engine@mapping=unreal@label=TSR --out results --save results
-
-\b
-DIR receives reuse.json, frames.csv, report.html, tables, plots, side_by_side.png (the worst frame) and a video.
-docs/reuse-evaluation.md defines every number.""",
-)
+@command(settings=SETTINGS)
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 def evaluate(
     scenes: tuple[str, ...],
@@ -65,6 +50,18 @@ def evaluate(
     """Run reuse methods over the same frames of SCENE and compare every image with a reference.
 
     A method that fails prints one line and does not affect the others; the exit code is then 2.
+
+    Examples:
+      taubench-gl reuse evaluate scene.glb --methods none,accumulate,svgf --frames 0:24 --out results --report
+      taubench-gl reuse evaluate scene.glb --methods none,taa_clamp,ideal-masks --input full
+      taubench-gl reuse evaluate scene.glb --methods accumulate,svgf --input noisy+jittered --out results
+      taubench-gl reuse evaluate scene.glb --methods taa_clamp@alpha=0.05/0.2,svgf@alpha=0.05:0.5:4,./my_method
+      taubench-gl reuse evaluate scene.glb --methods svgf --input path-traced@1 --reference path-traced@1024
+      taubench-gl reuse evaluate scene.glb --methods svgf --input exr:one-sample --reference exr:many-samples
+      taubench-gl reuse evaluate a.glb --methods svgf,exr:engine@mapping=unreal@label=TSR --out results --save results
+
+    DIR receives reuse.json, frames.csv, report.html, tables, plots, side_by_side.png (the worst frame) and a video.
+    docs/reuse-evaluation.md defines every number.
     """
     from taubench_gl.reuse.fit import expand_methods
 
@@ -123,10 +120,6 @@ def _evaluate_one(
     search=option_group(FitOptions),
     settings=SETTINGS,
     reuse=option_group(ReuseOptions, without=("metrics",)),
-    epilog="""\b
-Examples:
-  taubench-gl reuse fit scene.glb --method taa_variance --setting gamma=0.5:4:8 --input noisy
-  taubench-gl reuse fit scene.glb --method svgf --setting alpha=0.05:0.5:6 --metric flip --refine 2 --out fit""",
 )
 @click.argument("path", metavar="SCENE")
 def fit(
@@ -149,6 +142,10 @@ def fit(
     """Find the settings of a method, such as rejection thresholds, with the smallest error on SCENE.
 
     PSNR, SSIM and tPSNR are maximized.  Reports a best value at the edge of its range.
+
+    Examples:
+      taubench-gl reuse fit scene.glb --method taa_variance --setting gamma=0.5:4:8 --input noisy
+      taubench-gl reuse fit scene.glb --method svgf --setting alpha=0.05:0.5:6 --metric flip --refine 2 --out fit
     """
     from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.apps.screen import show_tables

@@ -38,15 +38,14 @@ def _entries(registries: tuple[Path, ...]) -> dict[str, Any]:
     return registry_entries(registries)
 
 
-@command(
-    "list",
-    epilog="""\b
-Examples:
-  taubench-gl scenes list
-  taubench-gl scenes list --registry mine.toml --json""",
-)
+@command("list")
 def list_scenes(*, registries: tuple[Path, ...] = REGISTRIES, as_json: bool = AS_JSON) -> None:
-    """List the named scenes."""
+    """List the named scenes.
+
+    Examples:
+      taubench-gl scenes list
+      taubench-gl scenes list --registry mine.toml --json
+    """
     import msgspec
 
     entries = _entries(registries)
@@ -56,14 +55,14 @@ def list_scenes(*, registries: tuple[Path, ...] = REGISTRIES, as_json: bool = AS
     show_list({name: f"{entry.format:12}  {entry.title}" for name, entry in entries.items()})
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl scenes show eternal-valley-fps"""
-)
+@command()
 @click.argument("name")
 def show(name: str, *, registries: tuple[Path, ...] = REGISTRIES, as_json: bool = AS_JSON) -> None:
-    """Show license, homepage, units, rate, camera and the paper's rows of scene NAME."""
+    """Show license, homepage, units, rate, camera and the paper's rows of scene NAME.
+
+    Examples:
+      taubench-gl scenes show eternal-valley-fps
+    """
     import msgspec
 
     from taubench_gl.apps.screen import show_pairs
@@ -81,18 +80,7 @@ def show(name: str, *, registries: tuple[Path, ...] = REGISTRIES, as_json: bool 
         click.echo(f"  Tables 2 and 3     {entry.camera_options()}")
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl scenes get bart-museum --from museum.zip
-  taubench-gl scenes get zero-day --from zeroday.zip --scene MEASURE_ONE.fbx
-  taubench-gl scenes get my-scene --registry mine.toml --accept-license
-  taubench-gl evaluate bart-museum
-\b
-An interrupted download is continued.  The checksum of the first download is stored; a later file that differs is
-refused.  Downloading needs the extra 'datasets'; --from does not.  Afterwards NAME can be used in place of a path; its
-frame rate, frames, camera and units are the defaults of the options."""
-)
+@command()
 @click.argument("name")
 def get(
     name: str,
@@ -104,7 +92,18 @@ def get(
     registries: tuple[Path, ...] = REGISTRIES,
     cache: Path | None = CACHE,
 ) -> None:
-    """Download scene NAME into the cache, or copy it from a local file, and print its path."""
+    """Download scene NAME into the cache, or copy it from a local file, and print its path.
+
+    Examples:
+      taubench-gl scenes get bart-museum --from museum.zip
+      taubench-gl scenes get zero-day --from zeroday.zip --scene MEASURE_ONE.fbx
+      taubench-gl scenes get my-scene --registry mine.toml --accept-license
+      taubench-gl evaluate bart-museum
+
+    An interrupted download is continued.  The checksum of the first download is stored; a later file that differs is
+    refused.  Downloading needs the extra 'datasets'; --from does not.  Afterwards NAME can be used in place of a path;
+    its frame rate, frames, camera and units are the defaults of the options.
+    """
     from taubench_gl.datasets.registry import find_entry
     from taubench_gl.datasets.scene_cache import CachedScene
     from taubench_gl.errors import DatasetError
@@ -132,14 +131,14 @@ def get(
         note("  with TAUBENCH_SCENES and TAUBENCH_CACHE set to the values of --registry and --cache")
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl scenes verify bart-museum"""
-)
+@command()
 @click.argument("name")
 def verify(name: str, *, registries: tuple[Path, ...] = REGISTRIES, cache: Path | None = CACHE) -> None:
-    """Check that the cached file of scene NAME is unchanged since its download."""
+    """Check that the cached file of scene NAME is unchanged since its download.
+
+    Examples:
+      taubench-gl scenes verify bart-museum
+    """
     from taubench_gl.datasets.registry import find_entry
     from taubench_gl.datasets.scene_cache import CachedScene
 
@@ -159,13 +158,7 @@ def _bytes_line() -> Callable[[int, int | None], None]:
     return show_bytes
 
 
-@command(
-    epilog="""\b
-Examples:
-  taubench-gl scenes make eternal-valley-fps valley.glb
-  taubench-gl scenes make arena-oa-shouse arena.glb
-  taubench-gl evaluate valley.glb"""
-)
+@command()
 @click.argument("name", type=click.Choice((*STAND_IN_NAMES, *ARENA_NAMES)))
 @click.argument("out", type=click.Path(path_type=Path), metavar="OUT.glb")
 def make(name: str, out: Path) -> None:
@@ -176,9 +169,13 @@ def make(name: str, out: Path) -> None:
     and its Table 4 row differ from the paper's; with path-traced light and the exposure that the file records, the
     columns of direct and indirect light are near it.  A recorded game (arena-..., cube2-...) needs the game's data
     files.
+
+    Examples:
+      taubench-gl scenes make eternal-valley-fps valley.glb
+      taubench-gl scenes make arena-oa-shouse arena.glb
+      taubench-gl evaluate valley.glb
     """
     from taubench_gl.apps.screen import show_tables
-    from taubench_gl.datasets.stand_ins import make_stand_in
     from taubench_gl.report import paper_tables
     from taubench_gl.scene import load_scene
 
@@ -188,10 +185,18 @@ def make(name: str, out: Path) -> None:
         click.echo(f"{make_arena(name, out)}: {out} ({out.stat().st_size:,} bytes, {arena_scenes()[name].license})")
         click.echo(f"Tables 1 to 4: taubench-gl evaluate {out}")
         return
-    recipe = make_stand_in(name, out)
-    summary = describe(load_scene(out), recipe.camera.fps)
-    show_tables(paper_tables([summary])[:3])
-    click.echo(f"note: {recipe.note}")
+    from taubench_gl.data_files import read_bytes
+    from taubench_gl.datasets.camera_path import CAPTURE_FPS
+    from taubench_gl.datasets.stand_ins import STAND_INS
+    from taubench_gl.errors import SettingsError
+    from taubench_gl.outputs import write_atomically
+
+    if out.suffix.lower() != ".glb":
+        raise SettingsError(f"{out.name} does not end in .glb", hint="stand-ins are written as one binary file")
+    write_atomically(out, read_bytes(STAND_INS[name]))
+    scene = load_scene(out)
+    show_tables(paper_tables([describe(scene, CAPTURE_FPS)])[:3])
+    click.echo(f"note: {scene.stand_in}")
     click.echo(f"written to {out} ({out.stat().st_size:,} bytes, CC0)")
     click.echo(f"Table 4: taubench-gl evaluate {out}, or all tables beside the paper's: taubench-gl paper {name}")
 

@@ -20,14 +20,7 @@ MAX_SIDE = 4096
 """Largest width or height, pixels: larger images could fail for lack of memory."""
 
 
-@command(
-    settings=option_group(only=("size", *GPU), size="96x64"),
-    epilog="""\b
-Examples:
-  taubench-gl selftest
-  taubench-gl selftest --only offsets --only screen-edge
-  taubench-gl selftest --backend osmesa --json > selftest.json""",
-)
+@command(settings=option_group(only=("size", *GPU), size="96x64"))
 def selftest(
     settings: Settings,
     *,
@@ -40,6 +33,11 @@ def selftest(
     """Run the hard cases on this machine and print the known answer, the measured value and the error.
 
     The exit code is 1 if a case fails.
+
+    Examples:
+      taubench-gl selftest
+      taubench-gl selftest --only offsets --only screen-edge
+      taubench-gl selftest --backend osmesa --json > selftest.json
     """
     from taubench_gl.gpu.context import open_gpu
     from taubench_gl.gpu.timing import WALL_CLOCK

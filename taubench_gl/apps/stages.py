@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 
 from taubench_gl.apps.screen import note
-from taubench_gl.stage_log import LASTING
+from taubench_gl.stage_log import LASTING, SHARE
 
 STAGE_SECONDS = 1.0
 """A stage is printed, where no bar shows it, after so long without a line."""
@@ -32,6 +32,7 @@ class Stages(logging.Handler):
         self.show: Callable[[str], None] | None = None  # of the bar that is on the terminal
         self._timer: threading.Timer | None = None
         self._said = time.monotonic()  # when the command began, then when the last line was printed
+        self._share = 0.0  # of the stage that is done
 
     def begin(self) -> None:
         """Start the clock: a command begins."""
@@ -39,9 +40,16 @@ class Stages(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         lasting: bool | None = getattr(record, LASTING, None)
+        share: float | None = getattr(record, SHARE, None)
+        if share is not None:
+            self._share = share
+            if self.show is not None:
+                self.show(f"{record.getMessage()}, {share:.0%}")
+            return
         if record.levelno < logging.INFO and lasting is None:
             return
         self.end()
+        self._share = 0.0
         if lasting is False:
             return
         if self.show is not None:
@@ -70,7 +78,10 @@ class Stages(logging.Handler):
                 return
             self._said = time.monotonic()
             seconds = self._said - began
-            note(f"{text} ... {seconds:.0f} s" if seconds >= AGAIN_SECONDS else f"{text} ...")
+            parts = [f"{seconds:.0f} s"] if seconds >= AGAIN_SECONDS else []
+            if self._share > 0.0:
+                parts.append(f"about {seconds / self._share - seconds:.0f} s left")
+            note(f"{text} ... {', '.join(parts)}".rstrip())
             if again is not None:
                 self._later(again, text, began, 2.0 * again)
 

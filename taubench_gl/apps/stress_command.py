@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import GPU, command, given_options, option_group
+from taubench_gl.apps.options import CAMERA_PATH, GPU, command, given_options, option_group
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, Check, at_least, setting, value_text
 from taubench_gl.settings import OUTPUT, Settings
@@ -54,20 +54,11 @@ def _moved(meaning: str) -> Any:
 
 @command(
     settings=option_group(
-        only=("size", "columns", "strict", *GPU), size="480x270", columns="frustum,position,normal,direct"
+        only=("size", "columns", "strict", *CAMERA_PATH[1:], *GPU),
+        size="480x270",
+        columns="frustum,position,normal,direct",
+        camera_path_place="world",
     ),
-    epilog="""\b
-Examples:
-  taubench-gl stress scene.glb --camera vr --out hard.glb
-  taubench-gl stress scene.glb --camera fps --translation 0.1,0.003 --seed 4 --out fast.glb
-  taubench-gl stress scene.glb --camera headset.csv --move-lights all --out recorded.glb
-  taubench-gl stress scene.glb --sweep yaw=0:12:7 --out results
-
-\b
-A recorded camera is CSV with the header time,x,y,z,qx,qy,qz,qw (seconds, meters, +Y up, quaternion
-world_from_view of a camera that looks along -Z), or JSON: a list of objects with those keys, or an object
-of lists time, position, rotation.  The presets have the paper's rows of Tables 2 and 3, taken as of
-60 fps: the paper does not state their rate.""",
 )
 @click.argument("scene", metavar="SCENE")
 def stress(
@@ -76,7 +67,7 @@ def stress(
     *,
     camera: str | None = setting(
         None,
-        "Camera statistics of the paper's EternalValley rows, a still camera, or a recorded path (.csv, .json)",
+        "Camera statistics of the paper's EternalValley rows, a still camera, or a recorded camera",
         metavar="fps|vr|still|FILE",
         shown="fps; with --sweep still",
     ),
@@ -103,6 +94,16 @@ def stress(
     SCENE is any scene that 'evaluate' accepts, except path-traced files.  The camera's change per frame has exactly the
     given mean, variance and maximum; the seed chooses its path through free space.  Everything else in a glTF file is
     kept; other formats are converted to glTF.  The output selects the new camera by default.
+
+    Examples:
+      taubench-gl stress scene.glb --camera vr --out hard.glb
+      taubench-gl stress scene.glb --camera fps --translation 0.1,0.003 --seed 4 --out fast.glb
+      taubench-gl stress scene.glb --camera headset.csv --move-lights all --out recorded.glb
+      taubench-gl stress scene.glb --sweep yaw=0:12:7 --out results
+
+    A recorded camera is any file that --camera-path of the other commands reads (docs/camera-paths.md), such as CSV
+    with the header time,x,y,z,qx,qy,qz,qw.  The presets have the paper's rows of Tables 2 and 3, taken as of
+    60 fps: the paper does not state their rate.
     """
     from taubench_gl.apps.named_scenes import resolve
 
@@ -130,22 +131,24 @@ def _write(
     moving: tuple[int, int, tuple[float, ...]],
 ) -> None:
     """Write the scene with a camera; ``moving``: numbers of lights and of objects, and statistics of their motion."""
+    from taubench_gl.datasets.camera_path import PRESETS
     from taubench_gl.datasets.motion_stats import MotionStats
-    from taubench_gl.datasets.recorded import SUFFIXES, read_recorded
     from taubench_gl.datasets.stress import Moves
     from taubench_gl.datasets.stress import stress as write
 
-    if Path(choice).suffix.lower() in SUFFIXES:
+    if choice not in PRESETS and Path(choice).is_file():
         without_effect = [name for name in (*AXES, "seconds", "fps") if options[name] is not None]
         if without_effect:
             raise click.UsageError(f"--{without_effect[0]} is for generated cameras, {choice} is a recorded one")
-        path = read_recorded(choice)
+        path = settings.replace(camera_path=choice).sequence
     else:
         path = _spec(choice, options, 6.0)
     moves = Moves(*moving[:2], MotionStats(*moving[2]))
     done = write(scene, out, path, moves, options["seed"], strict=settings.sequence.strict)
     moved = f", {done.lights} lights and {done.objects} objects moving" if done.lights or done.objects else ""
     click.echo(f"written to {done.file}: {done.seconds:.6g} s at {done.fps:.6g} fps{moved}")
+    if done.taken:
+        click.echo(done.taken)
     click.echo(f"Tables 1 to 4: taubench-gl evaluate {done.file} --fps {done.fps:.6g}")
 
 
@@ -168,7 +171,7 @@ def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
     from taubench_gl.datasets.stress import with_stats
 
     if choice not in PRESETS:
-        raise SettingsError(f"no camera is named {choice!r}", hint=f"choose from {', '.join(CAMERAS)}, .csv or .json")
+        raise SettingsError(f"no camera is named {choice!r}", hint=f"choose from {', '.join(CAMERAS)}, or a file")
     fps = CAPTURE_FPS if options["fps"] is None else options["fps"]
     seconds = seconds if options["seconds"] is None else options["seconds"]
     if not 0 < seconds * fps < 1e6:

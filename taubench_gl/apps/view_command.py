@@ -18,21 +18,20 @@ from taubench_gl.settings import SIZE, Settings, parse_size
 LIBRARIES = {"glfw": "glfw", "imgui_bundle": "imgui-bundle"}
 """Module -> name of its distribution."""
 
+WINDOW = setting(
+    None,
+    "Window size, screen points",
+    SIZE.check,
+    read=parse_size,
+    metavar="WxH",
+    shown="the last one, else fits the image, at least 1280x720",
+    short=False,
+)
+
 
 @command(
     settings=option_group(without=("exact", "storage", "samples_per_pixel", "pairs", *GPU)),
     files=option_group(PathTracedOptions, without=("lobes", "second_seed")),
-    epilog="""\b
-Examples:
-  taubench-gl view scene.glb
-  taubench-gl view scene.glb --size 960x540 --reprojection motion --lighting
-  taubench-gl view results
-  taubench-gl view exr:renders --camera-file renders/camera.json
-  taubench-gl view scene.glb --reference exr:renders --scene-file scene.glb
-  taubench-gl view scene.glb --method ./my_method --lighting
-  taubench-gl view scene.glb --script steps.txt
-\b
-Press ? in the window for the keys; docs/viewer.md lists them, and the script commands.""",
 )
 @click.argument("source", metavar="SCENE")
 def view(
@@ -53,15 +52,7 @@ def view(
         metavar="METHOD",
     ),
     script: Path | None = setting(None, "Run a script of viewer commands", metavar="FILE", short=False),
-    window: tuple[int, int] | None = setting(
-        None,
-        "Window size, screen points",
-        SIZE.check,
-        read=parse_size,
-        metavar="WxH",
-        shown="the last one, else fits the image, at least 1280x720",
-        short=False,
-    ),
+    window: tuple[int, int] | None = WINDOW,
     screenshots: Path = setting(
         Path("."), "Folder of screenshots and clips", metavar="DIR", shown="the current one", short=False
     ),
@@ -72,6 +63,17 @@ def view(
     SCENE is what evaluate takes: a file, a name of the registry, or exr:DIR.  A folder of results opens the run's
     scene with its settings at the worst frame.  A session file of the viewer (.session.json) restores what was open.
     Needs a display and pip install taubench-gl[viewer].
+
+    Examples:
+      taubench-gl view scene.glb
+      taubench-gl view scene.glb --size 960x540 --reprojection motion --lighting
+      taubench-gl view results
+      taubench-gl view exr:renders --camera-file renders/camera.json
+      taubench-gl view scene.glb --reference exr:renders --scene-file scene.glb
+      taubench-gl view scene.glb --method ./my_method --lighting
+      taubench-gl view scene.glb --script steps.txt
+
+    Press ? in the window for the keys; docs/viewer.md lists them, and the script commands.
     """
     missing = [pip for module, pip in LIBRARIES.items() if importlib.util.find_spec(module) is None]
     if missing:

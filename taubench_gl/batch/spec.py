@@ -163,7 +163,10 @@ def _jobs(text: str, folder: Path, resolve: Resolver, alternatives: Alternatives
         for picks in itertools.product(*alternatives.values()):
             settings = Settings(**fields | {name: value for pick in picks for name, value in pick.items()})
             sweep = {key: _sweep_value(key, pick) for key, pick in zip(alternatives, picks) if key in swept}
-            yield Job(job_id(written, settings), scene, settings, sweep)
+            name, path = job_id(written, settings), settings.sequence.camera_path
+            if path is not None:
+                settings = settings.replace(camera_path=str((folder / path).absolute()))
+            yield Job(name, scene, settings, sweep)
 
 
 def _scenes(text: str, folder: Path, resolve: Resolver) -> Iterator[tuple[str, str, dict[str, Any]]]:

@@ -43,7 +43,7 @@ from taubench_gl.study.driver import run_study
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.store import STUDY_FILE, Store
 from taubench_gl.study.study import Study
-from taubench_gl.study.unit import Engine, Unit
+from taubench_gl.study.unit import Unit
 
 SCHEMA = "taubench-gl/batch-study/1"
 
@@ -211,20 +211,19 @@ def run_batch(
     spec: BatchSpec | None,
     out: str | Path,
     *,
-    engine: str | Engine | None = None,
-    workers: int | None = None,
+    workers: int = 0,
     chunk: int | None = None,
     listener: Listener | None = None,
 ) -> Outcome:
     """Run what is missing of ``spec`` in the folder ``out``; None: of the spec that is stored there.
 
-    ``engine``, ``workers``: as of ``run_study``; results do not depend on them, or on ``chunk``.  Scenes that fail are
+    ``workers``: as of ``run_study``; results do not depend on it, or on ``chunk``.  Scenes that fail are
     listed in the outcome.  Raises TaubenchError.
     """
     require_pyarrow()
     store = batch_store(out)
     study = BatchStudy(spec or stored_spec(store), store, chunk)
-    return run_study(study, about_batch(study.spec), engine=engine, workers=workers, listener=listener)
+    return run_study(study, about_batch(study.spec), workers=workers, listener=listener)
 
 
 @dataclass(frozen=True, slots=True)

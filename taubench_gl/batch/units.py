@@ -212,7 +212,8 @@ def _head_record(loaded: _JobScene, settings: Settings, stamp: list[int] | None)
     frames, animated, resolved = plan.frames, plan.animated, plan.lighting
     views = [animated.view_at(frame / settings.sequence.fps) for frame in frames]
     # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
-    one_file = scene.files == 1 and environment_image(resolved.settings) is None
+    settings = resolved.settings
+    one_file = scene.files == 1 and environment_image(settings) is None and settings.sequence.camera_path is None
     return {
         "stamp": stamp if one_file else None,
         "frames": [frames.start, frames.stop],

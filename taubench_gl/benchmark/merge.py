@@ -150,7 +150,7 @@ def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
     samples = {"samples": method["samples"]} if "samples" in method else {}  # of a method that samples lights
     return {"state": "done", "reason": None, "mean": mean, "over_seeds": seeds, "bound": method["bound"],
             "tail_percent": method["tail_percent"], "emitters": method["emitters"], "classes": classes,
-            "reuse": method["reuse"], "reasons": reasons, **samples}  # fmt: skip
+            "reuse": method["reuse"], "response": method["response"], "reasons": reasons, **samples}  # fmt: skip
 
 
 def _track(

@@ -29,7 +29,6 @@ from taubench_gl.study.engines import available_cores
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.store import Store
 from taubench_gl.study.study import Study
-from taubench_gl.study.unit import Engine
 
 SCHEMA = "taubench-gl/benchmark-study/2"
 
@@ -150,24 +149,23 @@ def run_benchmark(
     methods: Sequence[str],
     out: str | Path,
     *,
-    engine: str | Engine | None = None,
     workers: int | None = None,
     limit: float | None = None,
     listener: Listener | None = None,
 ) -> dict[str, Any]:
     """Run the missing units of ``suite`` in the folder ``out`` and write the results.  -> the values of benchmark.json.
 
-    Results do not depend on engine, workers or the order of units.  ``engine``: as of ``run_study``; ``workers`` None:
-    one process per core; ``limit``: seconds that a frame of all methods may take in a worker process.  Raises
+    Results do not depend on workers or the order of units.  ``workers``: as of ``run_study``, None: one process per
+    core; ``limit``: seconds that a frame of all methods may take in a worker process.  Raises
     TaubenchError.
     """
     entries, listener = entries_of(methods), listener or Listener()
     suite = runnable(suite, listener.message)
-    workers = available_cores() if workers is None and engine is None else workers
+    workers = available_cores() if workers is None else workers
     about = {"suite": suite.describe(), "methods": [entry.label for entry in entries]}
     for entry in entries:
         if entry.label in builtin_methods() and Path(entry.label).exists():
             line = f"{entry.label} is the built-in method; write ./{entry.label} for the files of this folder"
             listener.message(line)
     study = BenchmarkStudy(suite, entries, out, limit)
-    return run_study(study, about, ("suite",), engine=engine, workers=workers, listener=listener)
+    return run_study(study, about, ("suite",), workers=workers, listener=listener)

@@ -1,4 +1,4 @@
-"""Scenes of a suite: files, the demo scene, scenes made by code, and stressed variants, made once and cached.
+"""Scenes of a suite: files, scenes of the package, and stressed variants, which are made once and cached.
 
 A stressed variant has a camera of constant speed in free space (``rotation``: yaw, degrees per frame; ``translation``:
 meters per frame) or a still camera and moving lights or objects (meters per frame); ``datasets.stress`` writes it.
@@ -14,11 +14,9 @@ from taubench_gl.capture.arena import arena_file, arena_scenes
 from taubench_gl.data_files import code_hash
 from taubench_gl.datasets.camera_path import CameraSpec
 from taubench_gl.datasets.gltf_edit import GltfEditor
-from taubench_gl.datasets.light_scenes import SCENES as LIGHT_SCENES
-from taubench_gl.datasets.light_scenes import make_light_scene
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.scene_cache import sha256_of
-from taubench_gl.datasets.stand_ins import STAND_INS, make_stand_in
+from taubench_gl.datasets.stand_ins import STAND_INS
 from taubench_gl.datasets.stress import ANIMATIONS, Moves, stress
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.outputs import output_folder, replacing
@@ -26,19 +24,19 @@ from taubench_gl.paths import ASSETS, cache_folder
 from taubench_gl.study.store import content_hash
 
 STRESS = ("rotation", "translation", "light_speed", "object_speed")
-DEMO = "demo"
 
-MADE = (*STAND_INS, *LIGHT_SCENES)
-"""Scenes made by code."""
+LIGHT_SCENES = {path.stem: path for path in sorted((ASSETS / "light").glob("*.glb"))}
+SHIPPED = {"demo": ASSETS / "demo.glb", **STAND_INS, **LIGHT_SCENES}
+"""Scenes of the package -> their files."""
 
 
 @dataclass(frozen=True, slots=True)
 class SceneRecipe:
     """A scene of a suite, and how it is made.
 
-    ``source``: ``demo``, one of MADE or an absolute path; ``axis``: one of STRESS, None for the source as it is;
-    ``value``: speed along the axis, per frame at ``fps``; ``frames``: length of the camera path; ``still``: without the
-    animations of the source.
+    ``source``: one of SHIPPED or the recorded games, or an absolute path; ``axis``: one of STRESS, None for the source
+    as it is; ``value``: speed along the axis, per frame at ``fps``; ``frames``: length of the camera path;
+    ``still``: without the animations of the source.
     """
 
     source: str
@@ -50,31 +48,26 @@ class SceneRecipe:
 
 
 def known_source(text: str, folder: Path) -> str:
-    """The source that ``text`` names: ``demo``, one of MADE, a recorded game, or a file beside the suite.
+    """The source that ``text`` names: a scene of the package, a recorded game, or a file beside the suite.
 
     Raises SettingsError.
     """
-    if text == DEMO or text in MADE or text in arena_scenes():
+    names = (*SHIPPED, *arena_scenes())
+    if text in names:
         return text
     path = folder / text
     if not path.is_file():
-        hint = f"give {', '.join((DEMO, *MADE, *arena_scenes()))}, or a file beside the suite"
+        hint = f"give {', '.join(names)}, or a file beside the suite"
         raise SettingsError(f"there is no scene {text!r}", hint=hint)
     return str(path.resolve())
 
 
 def scene_file(recipe: SceneRecipe) -> Path:
     """The file of a scene; it is written to the cache on first use.  Raises TaubenchError."""
-    if recipe.axis is None and recipe.source in MADE:
-        path = _cached(recipe.source, recipe.source)
-        if not path.is_file():
-            with replacing(path, suffix=".glb") as file:
-                _make(recipe.source, file)
-        return path
     if recipe.axis is None and recipe.source in arena_scenes():
         return arena_file(recipe.source)
     if recipe.axis is None:
-        return ASSETS / "demo.glb" if recipe.source == DEMO else Path(recipe.source)
+        return SHIPPED.get(recipe.source) or Path(recipe.source)
     source = scene_file(SceneRecipe(recipe.source))
     name = f"{source.stem}-still" if not recipe.value else f"{source.stem}-{recipe.axis}-{recipe.value:g}"
     same = {**asdict(recipe), "axis": recipe.axis if recipe.value else None, "source": sha256_of(source)}
@@ -97,14 +90,6 @@ def not_run(recipe: SceneRecipe) -> str | None:
     except SceneError as error:
         return str(error)
     return None
-
-
-def _make(name: str, path: Path) -> None:
-    """Write a scene of MADE to ``path``."""
-    if name in STAND_INS:
-        make_stand_in(name, path)
-    else:
-        make_light_scene(LIGHT_SCENES[name], path)
 
 
 def _drop_own_animations(path: Path) -> None:

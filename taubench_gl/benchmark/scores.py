@@ -161,7 +161,7 @@ def speed_curves(
     series: dict[tuple[str, str, str], list[Case]] = {}
     for case in suite.cases:
         if case.series not in (None, CUT):
-            series.setdefault((case.scene.source, case.series, case.id.rpartition("/")[2]), []).append(case)
+            series.setdefault((case.id.partition("/")[0], case.series, case.id.rpartition("/")[2]), []).append(case)
     out: dict[str, Any] = {}
     for (_, axis, kind), cases in series.items():
         if len(cases) < 2:

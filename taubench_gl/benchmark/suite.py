@@ -20,6 +20,7 @@ import msgspec
 from msgspec import Meta
 
 from taubench_gl.benchmark.scenes import STRESS, SceneRecipe, known_source
+from taubench_gl.camera_path_settings import CameraPathSettings
 from taubench_gl.data_files import hashed, one_line, read_toml
 from taubench_gl.datasets.stress import CAMERA_NAME
 from taubench_gl.errors import SettingsError
@@ -35,16 +36,17 @@ SCHEMA = "suite/1"
 SUITES = Path(__file__).resolve().parent / "suites"
 BUILTIN = ("quick", "full")
 
-CUT = "cut"
-SERIES = (*STRESS, CUT)
-"""Axes of a series, what changes from case to case: camera, lights or objects (``scenes.STRESS``), or cuts."""
+CUT, SPEED = "cut", "camera_path_speed"
+SERIES = (*STRESS, CUT, SPEED)
+"""Axes of a series, what changes from case to case: camera, lights or objects (``scenes.STRESS``), cuts, or the speed
+of a recorded camera."""
 
 HINT = "see docs/benchmark.md"
 
 _FIXED = ("light", "reference_time", "mapping")
 """What follows from the input, or would make a result depend on the machine or on files."""
 
-_SETTINGS = tuple(name for name in REUSE_SETTINGS if name not in _FIXED)
+_SETTINGS = tuple(name for name in (*REUSE_SETTINGS, *declared(CameraPathSettings)) if name not in _FIXED)
 _OPTIONS = tuple(name for name in declared(ReuseOptions) if name not in _FIXED)
 _HASHED = (
     "cuts", "environment", "exposure", "fps", "input", "light_samples", "metrics", "reference", "reference_samples",
@@ -78,6 +80,7 @@ class _Table(msgspec.Struct):
     light_speed: Speeds = None  # speed of all lights, meters per frame
     object_speed: Speeds = None  # speed of all small rigid objects, meters per frame
     cut: tuple[Annotated[int, Meta(ge=0)], ...] | None = None  # frames from cut to cut
+    camera_path_speed: Speeds = None  # factors on the speed of a recorded camera
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +119,8 @@ class Case:
         for name, value in _values(self.settings, self.request).items():
             if name in _HASHED or value != default[name]:
                 values[name] = None if value == AUTO else value
+        if path := self.settings.sequence.camera_path:
+            values["camera_path"] = hashed(path, SettingsError).hexdigest()
         return hashlib.sha256(json.dumps([SCHEMA, values], sort_keys=True).encode()).hexdigest()
 
 
@@ -199,11 +204,16 @@ def _case(table: _Table, evaluated: Mapping[str, Any], folder: Path, axis: str |
     ``evaluated``: settings and options by name; ``axis`` and ``value``: of a series, None for a single case.
     """
     options = {name: option for name, option in evaluated.items() if name in _OPTIONS}
+    chosen = {name: setting for name, setting in evaluated.items() if name in _SETTINGS}
+    if path := chosen.get("camera_path"):
+        chosen["camera_path"] = str(folder / path)
+    if axis == SPEED:
+        chosen[SPEED] = value
     if axis == CUT and value:  # 0: no cut
         options["cuts"] = tuple(range(table.first + int(value), table.first + table.frames, int(value)))
     request = from_values(EvaluationRequest, options | {"statistics": False, "exact_samples": True})
     settings = Settings(
-        **{name: setting for name, setting in evaluated.items() if name in _SETTINGS},
+        **chosen,
         frames=(table.first, table.first + table.frames),
         reprojection="motion",
         light="path-traced" if request.kind().path_samples else "raster",
@@ -211,8 +221,9 @@ def _case(table: _Table, evaluated: Mapping[str, Any], folder: Path, axis: str |
         camera=CAMERA_NAME if axis in STRESS else None,
     )
     step = "" if axis is None else f"/{axis}={value:g}"
+    trace = f"+{Path(path).stem}@{settings.sequence.fps:g}" if path else ""
     case = Case(
-        id=f"{Path(table.scene).stem}{step}/{_input_name(request)}",
+        id=f"{Path(table.scene).stem}{trace}{step}/{_input_name(request)}",
         track=table.track,
         series=axis,
         value=None if value is None else float(value),
@@ -236,6 +247,8 @@ def _case(table: _Table, evaluated: Mapping[str, Any], folder: Path, axis: str |
 def _recipe(table: _Table, fps: float, folder: Path, axis: str | None, value: float | None) -> SceneRecipe:
     """The scene of a case.  Raises SettingsError."""
     source = known_source(table.scene, folder)
+    if axis == SPEED and table.still:  # the place of a still camera
+        axis, value = "rotation", 0.0
     if axis in STRESS:
         if table.first:
             raise SettingsError(f"first is {table.first}", hint=f"a series of {axis} begins with frame 0: leave it out")

@@ -203,6 +203,9 @@ def _method(done: Evaluation, label: str, method: Mapping[str, Any], diverges: s
     blocks = {n: method[n] for n in ("mean", "tail_percent", "emitters", "classes", "bound", "reuse", "reasons")}
     warmup = done.summary["warmup"]
     blocks |= {"samples": method["samples"]} if "samples" in method else {}
+    blocks["response"] = {
+        event: {k: v for k, v in e.items() if k != "curve"} for event, e in method["response"].items()
+    }
     return {"state": "done", "reason": None, **facts, **blocks, "warmup": warmup, "rows": rows}
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.conformance.cases import Case
-from taubench_gl.conformance.stage import FRAMES
+from taubench_gl.conformance.cases import FRAMES, Case
 from taubench_gl.conformance.truth import Truth
 from taubench_gl.data_files import stored_arrays
 from taubench_gl.errors import PathTracedError

@@ -14,7 +14,7 @@ import numpy as np
 
 from taubench_gl.animation import FrameState, View, pose_vertices
 from taubench_gl.conformance import poses
-from taubench_gl.conformance.stage import FRAMES
+from taubench_gl.conformance.cases import FRAMES
 from taubench_gl.conformance.truth import Frame, Hits, Pose, Truth
 from taubench_gl.math3d import normalize
 from taubench_gl.scene.model import Scene

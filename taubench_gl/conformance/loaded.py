@@ -12,9 +12,9 @@ import numpy as np
 
 from taubench_gl.animation import pose_vertices
 from taubench_gl.animation.surface import nearest_points
+from taubench_gl.conformance.cases import FRAMES
 from taubench_gl.conformance.frames import EngineFrame
 from taubench_gl.conformance.poses import base_shape, bind_pose
-from taubench_gl.conformance.stage import FRAMES
 from taubench_gl.conformance.truth import Frame, Pose, Truth
 
 Array = np.ndarray

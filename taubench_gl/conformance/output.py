@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 from collections import Counter
@@ -19,7 +18,7 @@ from taubench_gl.conformance.cases import CASES
 from taubench_gl.conformance.score import NO_PLACE, NOT_JUDGED, RIGHT, WRONG, CaseScore, ClassScore, WorstPixel
 from taubench_gl.conformance.truth import Frame, Truth
 from taubench_gl.conventions import DEFINITIONS
-from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.outputs import image_bytes, output_folder, write_atomically
 from taubench_gl.report.page import Page, data_uri, tag, text_lines
 from taubench_gl.report.table import Column, Row, Table, to_html
 
@@ -165,12 +164,8 @@ def _svg(frame: Frame, worst: WorstPixel, size: tuple[int, int], arrows: bool) -
 
 def _picture(frame: Frame) -> bytes:
     """A frame lit from the camera, a color for each object, as PNG."""
-    from PIL import Image
-
     colors = np.random.default_rng(5).uniform(0.35, 0.95, (int(frame.node.max()) + 2, 3))
     colors[-1] = (0.62, 0.75, 0.9)  # node -1: sky
     facing = np.abs(frame.normal @ frame.view.world_from_view[:, 2])
     shade = np.where(frame.node >= 0, 0.35 + 0.65 * facing, 1.0)
-    data = io.BytesIO()
-    Image.fromarray((255 * colors[frame.node] * shade[..., None]).astype(np.uint8)).save(data, "PNG")
-    return data.getvalue()
+    return image_bytes((255 * colors[frame.node] * shade[..., None]).astype(np.uint8))

@@ -8,9 +8,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.conformance.cases import Case
-from taubench_gl.conformance.stage import CAMERA, FPS, FRAMES
+from taubench_gl.conformance.cases import CAMERA, FPS, FRAMES, Case
 from taubench_gl.conformance.truth import Truth
+from taubench_gl.data_files import read_bytes
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.pathtraced.cameras import camera_entry
 
@@ -20,7 +20,7 @@ SUITE_FILE, README, SCENES = "suite.json", "README.md", "scenes"
 
 def case_entry(case: Case, size: tuple[int, int]) -> dict[str, Any]:
     """A case as ``suite.json`` has it: its frames with times, offsets, cuts and cameras."""
-    truth, offsets = Truth(case, size), case.jitter(size)
+    truth, offsets = Truth(case, size), case.offsets(size)
     frames = [
         {"time_s": k / FPS, "jitter_px": (offsets[k] * [1.0, -1.0] + 0.0).tolist(), "cut": k == case.cut,
          "camera": camera_entry(truth.view(k))}
@@ -36,7 +36,7 @@ def write_suite(cases: Sequence[Case], out: str | Path, size: tuple[int, int]) -
     out = output_folder(out)
     output_folder(out / SCENES)
     for case in cases:
-        case.document().save(out / SCENES / f"{case.name}.glb")
+        write_atomically(out / SCENES / case.file.name, read_bytes(case.file))
     width, height = size
     head = {"schema": SCHEMA, "width": width, "height": height, "fps": FPS, "camera": CAMERA}
     entries = [case_entry(case, size) for case in cases]

@@ -17,8 +17,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.animation import FileCamera, FrameState, Poser, View, pose_normals, pose_vertices
 from taubench_gl.animation.pose import present_nodes
-from taubench_gl.conformance.cases import Case, scene_of
-from taubench_gl.conformance.stage import FPS, FRAMES
+from taubench_gl.conformance.cases import FPS, FRAMES, Case, scene_of
 from taubench_gl.conventions import GUARD_PX, Visibility
 from taubench_gl.pathtraced.cameras import points_at
 from taubench_gl.scene.model import Primitive, Scene
@@ -86,7 +85,7 @@ class Truth:
         self.case, self.size, self.scene = case, size, scene_of(case.name)
         self._poser = Poser(self.scene, FPS)
         self._camera = FileCamera(self.scene, int(self.scene.camera_nodes[0]))
-        self._offsets = case.jitter(size)
+        self._offsets = case.offsets(size)
         self._parts = _parts(self.scene)
         self.triangles = np.concatenate([p.triangles for p in self._parts])
         self.node_of = np.repeat([p.node for p in self._parts], [len(p.triangles) for p in self._parts])

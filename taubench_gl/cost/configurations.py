@@ -98,7 +98,7 @@ class Plan:
 
     @cached_property
     def series(self) -> dict[str, tuple[Configuration, ...]]:
-        """Configurations by series, each in the order of the work.  The truth has the seeds after the baseline's."""
+        """Configurations by series, in the order of the work.  The truth has the seeds after the baseline's."""
         default, least = Settings().lighting.light_within, min(WITHIN)
         decided = [
             Configuration(DECIDED, {} if w == default else {"light_within": w}, (least / w) ** 2) for w in WITHIN
@@ -109,16 +109,16 @@ class Plan:
         previews = (changes for changes in PREVIEWS if self.off.keys().isdisjoint(changes))
         seeds = [(self.baseline.lighting.seed + 1 + number) % 2**31 for number in range(RUNS)]
         return {
-            PREVIEW: tuple(Configuration(PREVIEW, {"light": "preview", **changes}) for changes in previews),
+            TRUTH: tuple(Configuration(TRUTH, {"light_within": self.truth_within, "seed": seed}) for seed in seeds),
             FIXED: tuple(Configuration(FIXED, {**traced, "spp": n}, float(n)) for n in SAMPLES),
             DECIDED: (*decided, Configuration(DECIDED, traced)),
-            TRUTH: tuple(Configuration(TRUTH, {"light_within": self.truth_within, "seed": seed}) for seed in seeds),
+            PREVIEW: tuple(Configuration(PREVIEW, {"light": "preview", **changes}) for changes in previews),
         }
 
     @property
     def compared(self) -> tuple[Configuration, ...]:
         """Every configuration but those of the truth."""
-        return tuple(c for name, series in self.series.items() if name != TRUTH for c in series)
+        return tuple(c for name in (PREVIEW, FIXED, DECIDED) for c in self.series[name])
 
 
 def command_line(scene: str, settings: Settings) -> str:

@@ -39,6 +39,7 @@ from taubench_gl.cost.configurations import (
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers, ScenePlan, Session, file_hashes, files_identity, plan_scene, sampled_pairs
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.evaluation.sampled_light import ROUND_SIZES
 from taubench_gl.evaluation.session import run_session
 from taubench_gl.features import COLUMNS, LIGHT_FEATURES
 from taubench_gl.fields import declared, from_values
@@ -57,7 +58,7 @@ from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Unit, Worker
 from taubench_gl.study.worker import open_context
 
-SCHEMA, STUDY_SCHEMA = "taubench-gl/cost/4", "taubench-gl/cost-study/1"
+SCHEMA, STUDY_SCHEMA = "taubench-gl/cost/4", "taubench-gl/cost-study/2"
 
 SECONDS, POINTS = (10.0, 60.0), 0.5
 """Limits of the three recommendations."""
@@ -67,7 +68,10 @@ RESOLVED = ("light_unit", "exposure", "environment", "pairs")
 
 
 CHEAP = 5.0
-"""Seconds up to which an evaluation is repeated: the median counts."""
+"""Seconds that an evaluation and its repetitions take: the median counts."""
+
+TRUTH_SHARE = 0.5
+"""Share of the time of a study that evaluations of the truth take, after the first one."""
 
 NO_HURRY = 100.0
 """Value of ``light_within`` for the first pair, which one round of samples reaches."""
@@ -132,20 +136,36 @@ class CostStudy(Study):
         return {name: name for name in self.plan.series}
 
     def missing(self, job: str, width: int) -> tuple[Sequence[EvaluationUnit], int]:
-        """All previews, else the next unit alone: what it takes, and how exact it is, decides on those that follow."""
+        """The next unit alone: what it takes, and how exact it is, decides on those that follow.
+
+        The first one of each job is evaluated whatever it takes.
+        """
         if job == TRUTH:
             return self._missing_truth()
         configurations = self.plan.series[job]
         units = [(c, self.unit(c)) for c in configurations if self._record(c) is None]
         units = [(c, unit) for c, unit in units if unit.key not in self._failed_units]
-        if job == PREVIEW:
-            return [unit for _, unit in units], len(configurations)
+        left = self._left()
         for c, unit in units:
             seconds = self._expected(c)
-            if self._request.longest is None or seconds <= self._request.longest:
+            if seconds <= left:
+                self.left_out.pop(c.name, None)
                 return [unit], len(configurations)
-            self.left_out[c.name] = f"would take about {duration_text(seconds)} (--longest)"
+            of_limit = f"{duration_text(max(left, 0.0))} of {duration_text(self._request.time)} were left (--time)"
+            self.left_out[c.name] = f"would take about {duration_text(seconds)}, {of_limit}"
         return [], len(configurations)
+
+    def _left(self) -> float:
+        """Seconds that are left for further evaluations."""
+        if self._request.time is None:
+            return math.inf
+        done = (self._record(c) for series in self.plan.series.values() for c in series)
+        return self._request.time - sum(self._spent(record) for record in done if record is not None)
+
+    def _spent(self, record: Mapping[str, Any]) -> float:
+        """Seconds of an evaluation with its repetitions and its first pair."""
+        first = record["first_pair_seconds" if self._request.clock == "wall" else "first_pair_cpu_seconds"]
+        return self._seconds(record) * record["repeats"] + (first or 0.0)
 
     def _missing_truth(self) -> tuple[Sequence[EvaluationUnit], int]:
         """The next evaluation of the truth until its interval is narrow enough, and how many it will take in all."""
@@ -153,7 +173,9 @@ class CostStudy(Study):
         done, total = len(records), 1
         if records:
             half = max(column["half_width"] for column in combined([r["columns"] for r in records]).values())
-            if half <= goal or done == RUNS:
+            spent = sum(map(self._spent, records))
+            over = self._request.time is not None and spent * (1 + 1 / done) > TRUTH_SHARE * self._request.time
+            if half <= goal or done == RUNS or over:
                 return [], done
             total = min(max(math.ceil(done * (half / goal) ** 2), done + 1), RUNS)
         return [self.unit(self.plan.series[TRUTH][done])], total
@@ -182,14 +204,19 @@ class CostStudy(Study):
         return record["seconds" if self._request.clock == "wall" else "cpu_seconds"]
 
     def _expected(self, configuration: Configuration) -> float:
-        """Most seconds that a configuration is expected to take, by measured ones of its series; 0 without any."""
+        """Seconds that a configuration is expected to take, by the last one of its series; 0 without any."""
         before = [(c, r) for c in self.plan.series[configuration.series] if (r := self._record(c)) is not None]
         if not before:
             return 0.0
         (last, record), sequence = before[-1], self._asked.sequence
+        if configuration.series == PREVIEW:
+            return self._spent(record)
+        sampled, samples = ((record["sampled_light"] or {}).get(name) for name in ("pixels", "samples"))
         if configuration.effort:
-            return self._seconds(record) * configuration.effort / last.effort
-        sampled = (record["sampled_light"] or {}).get("pixels")  # and now every pixel is decided
+            # Decided samples end where they have had as many as a run may have, in the round that is then under way.
+            most = 1.0 + ROUND_SIZES.samples / samples if samples else math.inf
+            return self._seconds(record) * min(configuration.effort / last.effort, most)
+        # Now every pixel is decided.
         every = sequence.width * sequence.height * record["pairs"]
         return self._seconds(record) * (every / sampled if sampled else 1.0)
 
@@ -305,19 +332,20 @@ class EvaluationUnit(Unit):
     def run(self, worker: Worker) -> bytes:
         loaded = _CostScene.kept(worker, self.scene, self.settings)
         loaded.require_unchanged(self.sha256, self.settings, "give --out a new folder")
-        first, seconds, processor_seconds = None, [], []
+        first, seconds, processor_seconds = (None, None), [], []
         if self.programs and self.programs not in loaded.compiled:
             loaded.compiled.add(self.programs)
             pair = (self.frames[0], self.frames[0] + 2)
-            first = loaded.timed(self.settings.replace(frames=pair, pairs="all", light_within=NO_HURRY))[1]
+            _, *first = loaded.timed(self.settings.replace(frames=pair, pairs="all", light_within=NO_HURRY))
         while len(seconds) < self.repeats:
             run, wall, processor = loaded.timed(self.settings)
             seconds.append(wall)
             processor_seconds.append(processor)
-            if wall > CHEAP:
+            if sum(seconds) + wall > CHEAP:
                 break
         record = {"seconds": statistics.median(seconds), "cpu_seconds": statistics.median(processor_seconds)}
-        record |= {"first_pair_seconds": first, "repeats": len(seconds), "pairs": run.summary["pairs"]}
+        record |= {"first_pair_seconds": first[0], "first_pair_cpu_seconds": first[1]}
+        record |= {"repeats": len(seconds), "pairs": run.summary["pairs"]}
         record |= {name: run.summary.get(name) for name in ("sampled_light", "decided_light", "provenance")}
         return json_bytes(record | {"columns": columns_of(run.summary)})
 

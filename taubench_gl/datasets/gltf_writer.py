@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pygltflib as gl
-from PIL import Image
 
-from taubench_gl.outputs import replacing
+from taubench_gl.outputs import image_bytes, replacing
 
 _COMPONENT = {"f4": gl.FLOAT, "u4": gl.UNSIGNED_INT, "u2": gl.UNSIGNED_SHORT, "u1": gl.UNSIGNED_BYTE}
 _TYPE = {1: gl.SCALAR, 2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4, 16: gl.MAT4}
@@ -67,11 +65,10 @@ class Writer:
 
     def image(self, pixels: np.ndarray, lossy: bool = False) -> int:
         """(h, w, 3 or 4) uint8 as an embedded PNG; ``lossy``: as a JPEG, if it has no alpha."""
-        file, lossy = io.BytesIO(), lossy and pixels.shape[2] == 3
-        options = {"quality": 90} if lossy else {"optimize": True}
-        Image.fromarray(pixels).save(file, "JPEG" if lossy else "PNG", **options)
+        lossy = lossy and pixels.shape[2] == 3
+        file = image_bytes(pixels, "jpeg", quality=90) if lossy else image_bytes(pixels, optimize=True)
         mime = "image/jpeg" if lossy else "image/png"
-        return self._append(self.gltf.images, gl.Image(mimeType=mime, bufferView=self.view(file.getvalue())))
+        return self._append(self.gltf.images, gl.Image(mimeType=mime, bufferView=self.view(file)))
 
     def material(
         self,

@@ -14,20 +14,19 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import Poser
+from taubench_gl.animation import Poser, camera_of_run
 from taubench_gl.animation.state import FrameState
 from taubench_gl.datasets.camera_path import CameraPath, CameraSpec, add_rig, generate
 from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.gltf_edit import GltfEditor
 from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.datasets.motion_stats import MotionStats, ordered_steps
-from taubench_gl.datasets.recorded import RecordedPath
 from taubench_gl.effects.lighting import own_light, without_auto
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.exposure import meter
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import SequenceSettings, Settings
 
 Array = np.ndarray
 
@@ -57,7 +56,10 @@ class Moves:
 
 @dataclass(frozen=True, slots=True)
 class StressResult:
-    """What ``stress`` wrote: file, length, and how many lights and objects move; ``path`` None: a recorded camera."""
+    """What ``stress`` wrote: file, length, how many lights and objects move, and what was taken of a recorded camera.
+
+    ``path``: None of a recorded camera.
+    """
 
     file: Path
     path: CameraPath | None
@@ -65,12 +67,13 @@ class StressResult:
     seconds: float
     lights: int
     objects: int
+    taken: str = ""
 
 
 def stress(
     source: str | Path,
     out: str | Path,
-    camera: CameraSpec | RecordedPath,
+    camera: CameraSpec | SequenceSettings,
     moves: Moves | None = None,
     seed: int = 0,
     *,
@@ -78,7 +81,7 @@ def stress(
 ) -> StressResult:
     """Write ``source``, any argument of ``load_scene``, with ``camera`` and ``moves`` to ``out`` (.glb, .gltf).
 
-    ``strict``: as for ``load_scene``.
+    ``camera``: of SequenceSettings, the recorded one.  ``strict``: as for ``load_scene``.
 
     Raises SceneError, SettingsError, OutputError.
     """
@@ -89,17 +92,20 @@ def stress(
     moves = moves or Moves()
     scene, editor, lost = _opened(str(source), strict)
     scene_index = _scene_index(editor)
-    lens = editor.camera(CAMERA_NAME, *_lens(scene))
     path = None
-    if isinstance(camera, RecordedPath):
-        node = editor.node(None, scene_index, name=CAMERA_NAME, camera=lens, translation=camera.position[0].tolist(),
-                           rotation=camera.rotation[0].tolist())  # fmt: skip
-        tracks = [(node, "translation", camera.times, camera.position, "LINEAR"),
-                  (node, "rotation", camera.times, camera.rotation, "LINEAR")]  # fmt: skip
-        frames, fps = max(2, round(float(camera.times[-1]) * camera.fps) + 1), camera.fps
-        words = "a recorded camera"
+    if isinstance(camera, SequenceSettings):
+        recorded = camera_of_run(scene, camera)
+        times, (position, rotation) = recorded.path.times.astype(np.float32), recorded.placed()
+        times[:-1] = np.where(np.diff(times) > 0, times[:-1], np.nextafter(times[:-1], np.float32(-1.0)))  # jumps
+        lens = editor.camera(CAMERA_NAME, *_lens(scene, recorded.path.yfov))
+        node = editor.node(recorded.node, scene_index, name=CAMERA_NAME, camera=lens,
+                           translation=position[0].tolist(), rotation=rotation[0].tolist())  # fmt: skip
+        tracks = [(node, "translation", times, position, "LINEAR"), (node, "rotation", times, rotation, "LINEAR")]
+        fps = recorded.path.fps
+        frames, words = max(2, round(recorded.duration * fps) + 1), recorded.path.taken
     else:
         path = generate(camera, VoxelSpace(scene))
+        lens = editor.camera(CAMERA_NAME, *_lens(scene))
 
         def node(name: str, parent: int | None, **properties: Any) -> int:
             return editor.node(parent, scene_index, name=name, **properties)
@@ -114,7 +120,7 @@ def stress(
     moved = f", {lights} moving lights and {objects} moving objects" if lights or objects else ""
     editor.note(camera=CAMERA_NAME, note=f"stressed: {words} at {fps:.6g} fps{moved}{lost}", **_exposure(scene))
     editor.save(out)
-    return StressResult(Path(out), path, fps, (frames - 1) / fps, lights, objects)
+    return StressResult(Path(out), path, fps, (frames - 1) / fps, lights, objects, "" if path else words)
 
 
 def _exposure(scene: Scene) -> dict[str, str]:
@@ -142,13 +148,18 @@ def _opened(source: str, strict: bool) -> tuple[Scene, GltfEditor, str]:
     return converted, editor, f"; {lost} cuts of single objects are lost: glTF cannot store them" if lost else ""
 
 
-def _lens(scene: Scene) -> tuple[float, float, float | None]:
-    """Field of view and clip planes of the scene's first perspective camera, or default ones."""
+def _lens(scene: Scene, recorded: Array | None = None) -> tuple[float, float, float | None]:
+    """Field of view, the first of a recorded camera's if it has any, and clip planes of the scene's first perspective
+    camera, or default ones."""
     cameras = [scene.cameras[k] for k in scene.nodes.camera[scene.camera_nodes]]
     for camera in cameras:
         if camera.kind == "perspective":
-            return camera.yfov, camera.znear, camera.zfar if math.isfinite(camera.zfar) else None
-    return YFOV, 0.05, None
+            return (
+                camera.yfov if recorded is None else float(recorded[0]),
+                camera.znear,
+                camera.zfar if math.isfinite(camera.zfar) else None,
+            )
+    return YFOV if recorded is None else float(recorded[0]), 0.05, None
 
 
 def _scene_index(editor: GltfEditor) -> int:

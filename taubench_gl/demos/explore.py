@@ -6,8 +6,8 @@ import importlib.util
 from typing import Any
 
 from taubench_gl.demos.demo import Parameter, value_texts
-from taubench_gl.demos.gallery import png_bytes
 from taubench_gl.errors import SettingsError
+from taubench_gl.outputs import image_bytes
 
 
 def explore(parameter: Parameter, width: int = 640) -> Any:
@@ -27,7 +27,7 @@ def explore(parameter: Parameter, width: int = 640) -> Any:
 
     def show(i: int) -> None:
         reading.value = number_text(parameter, i)
-        image.value = png_bytes(parameter.picture(i))
+        image.value = image_bytes(parameter.picture(i))
 
     slider.observe(lambda change: show(change["new"]), names="value")
     show(parameter.start)

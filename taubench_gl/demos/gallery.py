@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import importlib.util
-import io
+import itertools
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
 
 from taubench_gl import __version__
-from taubench_gl.data_files import read_bytes
+from taubench_gl.data_files import read_bytes, read_text
 from taubench_gl.demos.demo import Array, ColorBar, Demo, Finding, Parameter, Result, value_texts
 from taubench_gl.demos.lessons import find_demo
 from taubench_gl.demos.sheet import WIDTH, as_bytes
@@ -24,7 +26,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import open_gpu
-from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.outputs import image_bytes, output_folder, write_atomically
 from taubench_gl.report.mask_images import mask_overlay
 from taubench_gl.report.page import Page, data_uri, macro, tag
 from taubench_gl.report.palette import color_of, hex_of
@@ -182,7 +184,8 @@ def _parameter(parameter: Parameter) -> dict[str, Any]:
     out = {name: getattr(parameter, name) for name in names} | {"texts": value_texts(parameter)}
     if parameter.plane is not None and parameter.base is not None:
         # Lossless: the page counts the pixels of the plane.
-        return out | {"plane": data_uri(png_bytes(parameter.plane)), "base": data_uri(_webp(parameter.base), "webp")}
+        plane, base = image_bytes(parameter.plane, optimize=True), _webp(parameter.base)
+        return out | {"plane": data_uri(plane), "base": data_uri(base, "webp")}
     return out | {"images": [data_uri(_webp(image), "webp") for image in parameter.images]}
 
 
@@ -190,19 +193,8 @@ def _webp(image: Array) -> bytes:
     """The bytes of a WebP file with an image (h, w, 3) uint8; lossless, and then smaller, where it has few colors."""
     from PIL import Image
 
-    picture, buffer = Image.fromarray(image), io.BytesIO()
-    few = picture.getcolors(FEW_COLORS) is not None  # None: it has more
-    picture.save(buffer, format="WEBP", quality=82, method=4, lossless=few)
-    return buffer.getvalue()
-
-
-def png_bytes(image: Array) -> bytes:
-    """The bytes of a PNG file with an image (h, w) or (h, w, 3), uint8."""
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, format="PNG", optimize=True)
-    return buffer.getvalue()
+    few = Image.fromarray(image).getcolors(FEW_COLORS) is not None  # None: it has more
+    return image_bytes(image, "webp", quality=82, method=4, lossless=few)
 
 
 def index_page(shown: Sequence[Shown], lecture: Sequence[LecturePart] = ()) -> str:
@@ -261,23 +253,12 @@ def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SI
     import nbformat
     from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-    look = "\n".join(f"- {item}" for item in demo.text.look_for)
-    cells = [
-        new_markdown_cell(
-            f"# {demo.number}. {demo.text.title}\n\n{demo.text.idea}\n\n**What to look for**\n\n{look}\n\n"
-            f"**Guess first.** {demo.text.question}"
-        ),
-        new_code_cell(_RUN.format(name=demo.name, width=size[0], height=size[1])),
-        new_markdown_cell("## Measured numbers and theory"),
-        new_code_cell(_NUMBERS),
-        new_markdown_cell("## Drag a parameter"),
-        new_code_cell(_EXPLORE),
-        new_markdown_cell(
-            "## Experiments\n\nEvaluate the scene of this demo. Change a setting and run the cell "
-            'again: `reprojection="motion"`, `thresholds={"position": 0.01}`, another `fps`.'
-        ),
-        new_code_cell(_EVALUATE.format(width=size[0], height=size[1])),
-    ]
+    filled = Template(read_text(Path(__file__).with_name("notebook.md"))).substitute(
+        number=demo.number, name=demo.name, title=demo.text.title, idea=demo.text.idea, question=demo.text.question,
+        look_for="\n".join(f"- {item}" for item in demo.text.look_for), width=size[0], height=size[1],
+    )  # fmt: skip
+    kinds = itertools.cycle((new_markdown_cell, new_code_cell))  # text, then the code of a fence, then text, ...
+    cells = [new(part) for new, part in zip(kinds, re.split(r"\n*```(?:python)?\n*", filled)) if part]
     for i, cell in enumerate(cells):
         cell["id"] = f"{demo.name}-{i}"  # reproducible file
     notebook = new_notebook(cells=cells)
@@ -286,31 +267,3 @@ def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SI
     path = folder / f"{demo.stem}.ipynb"
     write_atomically(path, nbformat.writes(notebook) + "\n")
     return path
-
-
-_RUN = """\
-import tempfile
-
-from IPython.display import Image, Markdown, display
-from taubench_gl.demos.lessons import find_demo
-from taubench_gl.demos.gallery import run_demo
-
-demo = find_demo("{name}")
-result = run_demo(demo.name, tempfile.mkdtemp(), size=({width}, {height}))
-display(Image(result.path, width=1000), Markdown(result.caption))"""
-
-_NUMBERS = """\
-rows = ["| measured | meaning | expected | reason |", "| --- | --- | --- | --- |"]
-rows += [f"| {f.text} | {f.meaning} | {f.expected_text} | {f.expected.source} |" for f in result.findings]
-display(Markdown("\\n".join(rows)))
-assert result.as_expected"""
-
-_EXPLORE = """\
-from taubench_gl.demos.explore import explore
-
-explore(result.parameter)"""
-
-_EVALUATE = """\
-import taubench_gl as tb
-
-tb.evaluate(demo.scene(), size="{width}x{height}", fps=4, columns="frustum,position,normal")"""

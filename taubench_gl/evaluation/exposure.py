@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, camera_of_run, is_still
+from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, RecordedCamera, camera_of_run, is_still
+from taubench_gl.animation.jitter import radical_inverse
 from taubench_gl.conventions import DEFINITIONS
 from taubench_gl.data_files import read_json
 from taubench_gl.effects.lighting import environment_of, own_light
@@ -33,6 +34,7 @@ from taubench_gl.outputs import write_atomically
 from taubench_gl.paths import cache_folder
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import MAX_EXPOSURE, Settings
+from taubench_gl.stage_log import lasting
 
 log = logging.getLogger(__name__)
 
@@ -127,7 +129,11 @@ def _metered(animated: AnimatedScene, metering: Settings, times: np.ndarray, own
         source = opened.open_source(animated, metering, pixel_list=True)
         if "direct" in source.unmeasured:
             return None
-        frames = [surface_light(source, frame, METERED_PIXELS // len(times)) for frame in range(len(times))]
+        frames = []
+        with lasting(log, "metering the exposure") as advance:
+            for frame in range(len(times)):
+                frames.append(surface_light(source, frame, METERED_PIXELS // len(times)))
+                advance((frame + 1) / len(times))
         opened.gpu.check("metering")
     radiance, weights = (np.concatenate(each) for each in zip(*frames, strict=True))
     exposure = metered_exposure(radiance, weights)
@@ -137,10 +143,10 @@ def _metered(animated: AnimatedScene, metering: Settings, times: np.ndarray, own
 @lru_cache
 def pixel_order() -> np.ndarray:
     """Columns and rows of all pixels of a metered frame, (n, 2) int64, in the order of a Halton sequence."""
-    from scipy.stats import qmc  # imported late: 0.4 s
-
-    points = qmc.Halton(2, scramble=False).random(8 * math.prod(METERED_SIZE))  # which meets nearly every pixel
-    columns, rows = (points * METERED_SIZE).astype(np.int64).T
+    index = np.arange(8 * math.prod(METERED_SIZE))  # which meets nearly every pixel
+    columns, rows = (
+        (radical_inverse(index, base) * side).astype(np.int64) for base, side in zip((2, 3), METERED_SIZE, strict=True)
+    )
     _, first = np.unique(rows * METERED_SIZE[0] + columns, return_index=True)
     return np.stack([columns, rows], axis=1)[np.sort(first)]
 
@@ -175,11 +181,13 @@ def _cache_file(scene: Scene, metering: Settings, camera: CameraTrack) -> Path |
 
     None for a scene made in memory and for a camera that only the caller knows.
     """
-    if scene.sha256 is None or not isinstance(camera, FileCamera | OrbitCamera):
+    if scene.sha256 is None or not isinstance(camera, FileCamera | OrbitCamera | RecordedCamera):
         return None
     environment = environment_of(metering)
     image = image_of(environment).sha256 if environment.kind == "image" else None
     place = camera.node if isinstance(camera, FileCamera) else camera.name
+    if isinstance(camera, RecordedCamera):
+        place = camera.path, *camera.placed(), camera.node, camera.base
     digest = hashlib.sha256()
     # The files, and what a selection of scene and animations, a repair or a caller makes of them.
     selected = scene.nodes, scene.materials, scene.skins, scene.cameras, scene.lights, scene.channels

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack
+from taubench_gl.data_files import hashed
 from taubench_gl.effects.lighting import Environment, environment_for, environment_of, light_unit_of, unit_divisor
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SceneError, SettingsError
@@ -140,14 +141,18 @@ def environment_image(settings: Settings) -> EnvironmentImage | None:
 
 
 def file_hashes(scene: Scene, settings: Settings) -> dict[str, str | None]:
-    """``sha256`` of the scene's files and, where there is an environment image, ``environment_sha256``."""
-    image = environment_image(settings)
-    return {"sha256": scene.sha256, **({} if image is None else {"environment_sha256": image.sha256})}
+    """``sha256`` of the scene's files, of an environment image ``environment_sha256``, and of a recorded camera
+    ``camera_path_sha256``."""
+    image, path = environment_image(settings), settings.sequence.camera_path
+    more = {} if image is None else {"environment_sha256": image.sha256}
+    more |= {} if path is None else {"camera_path_sha256": hashed(path, SceneError).hexdigest()}
+    return {"sha256": scene.sha256, **more}
 
 
 def files_identity(hashes: Mapping[str, Any]) -> str | None:
     """One text for all of ``file_hashes``; None where there are none: the scene was made in memory."""
-    return " ".join(filter(None, (hashes["sha256"], hashes.get("environment_sha256")))) or None
+    every = (hashes.get(f"{name}sha256") for name in ("", "environment_", "camera_path_"))
+    return " ".join(filter(None, every)) or None
 
 
 def with_samples(settings: Settings) -> Settings:

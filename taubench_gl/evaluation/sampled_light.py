@@ -268,8 +268,9 @@ class SampledLight:
             watch("path-traced light at random pixels")
         while not self.done:
             self.add_round([visit(*v) for v in self.next_round()])
-            watch(self.state)
-            if limit is not None and time.monotonic() - started >= limit:
+            spent = time.monotonic() - started
+            watch(self.state + ("" if self.done else f"; about {spent * self.share_left:.0f} s left"))
+            if limit is not None and spent >= limit:
                 break
 
     def next_round(self) -> list[tuple[int, int]]:
@@ -300,6 +301,12 @@ class SampledLight:
     def narrow(self) -> bool:
         """Whether the intervals are as narrow as the settings ask for."""
         return self.estimate.narrow(self._intervals)
+
+    @property
+    def share_left(self) -> float:
+        """What is left to do in units of what was done, if intervals narrow with the square root of the samples."""
+        by_width = (self.estimate.widest(self._intervals) / self._settings.lighting.light_within) ** 2
+        return max(min(by_width, ROUND_SIZES.samples / max(self.estimate.samples, 1)) - 1.0, 0.0)
 
     @property
     def state(self) -> str:

@@ -152,7 +152,7 @@ def plan_scene(
     are measured at single pixels where the settings allow it (``light_plan``), else by images.
     """
     scene = _drawable(scene, settings)
-    camera = camera or camera_of_run(scene, settings.sequence)
+    camera = camera or camera_of_run(scene, settings.sequence, settings.metrics.unit_scale)
     frames = frame_range(scene, camera, settings)
     if settings.metrics.history != "frame":
         other_eye(scene, camera, settings)  # says what is wrong with it before anything is metered or drawn

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera
+from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, RecordedCamera
 from taubench_gl.animation.views import STILL_SECONDS
 from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
@@ -33,8 +33,8 @@ def frame_range(scene: Scene, camera: CameraTrack, settings: Settings) -> range:
 
 
 def duration_of(scene: Scene, camera: CameraTrack) -> float:
-    """Duration in seconds; of a still scene STILL_SECONDS unless the camera is one of the file."""
-    if isinstance(camera, OrbitCamera):
+    """Seconds of a recorded camera, or of the scene; of a still one STILL_SECONDS, with a camera of the file 0."""
+    if isinstance(camera, OrbitCamera | RecordedCamera):
         return camera.duration
     if scene.duration == 0 and not isinstance(camera, FileCamera):
         return STILL_SECONDS

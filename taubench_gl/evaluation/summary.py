@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import OrbitCamera, View
+from taubench_gl.animation import OrbitCamera, RecordedCamera, View
 from taubench_gl.animation.key_notes import key_notes
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
@@ -20,7 +20,7 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.metrics.sequence_stats import SequenceStats, sensitivity
 from taubench_gl.run import Run
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIELDS, Settings
 
 
 def static_summary(
@@ -28,15 +28,22 @@ def static_summary(
 ) -> dict[str, Any]:
     """The parts of the summary that need no pair: ``scene``, ``census``, ``lighting``, ``notes``, ``camera_source``.
 
+    Also ``camera_jumps``: frames before which a recorded camera jumps over missing samples.
+
     JSON values.  ``owner``: whose programs frames share that are drawn for notes.
     """
     settings, scene, camera, poser = resolved.settings, animated.scene, animated.camera, animated.poser
+    of_path = [name for name in FIELDS if name.startswith("camera_path")] if settings.sequence.camera_path else []
     notes = appearance_notes(animated, settings, frames, owner)
     notes += key_notes(scene, frames, settings.sequence.fps)
     source = camera.describe()
     if isinstance(camera, OrbitCamera):
         source = camera.describe(settings.metrics.unit_scale)
         notes.insert(0, f"the camera is a {source}")
+    jumps = []
+    if isinstance(camera, RecordedCamera):
+        notes[:0] = camera.notes(settings.sequence.fps)
+        jumps = camera.cut_frames(frames, settings.sequence.fps)
     overflowing = poser.overflowing(poser.sample(frames[0] / settings.sequence.fps).world)
     if len(overflowing):
         name = scene.nodes.names[overflowing[0]] or f"number {overflowing[0]}"
@@ -49,12 +56,13 @@ def static_summary(
             **file_hashes(scene, settings),
             "duration_s": scene.duration,
             "playing": list(scene.playing),
-            "selection": {name: settings.get(name) for name in ("camera", "scene", "animation")},
+            "selection": {name: settings.get(name) for name in ("camera", "scene", "animation", *of_path)},
             "stand_in": scene.stand_in,
         },
         "census": census(scene, (f / settings.sequence.fps for f in frames), poser),
         "lighting": dict(resolved.reasons),
         "camera_source": source,
+        "camera_jumps": jumps,
         "notes": notes,
     }
 
@@ -75,7 +83,7 @@ def assemble_summary(
     positions = np.array([v.position for v in views]).reshape(-1, 3)
     rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
     activity = camera_activity(positions, rotations)
-    cuts = detect_cuts(activity, settings.metrics.unit_scale)
+    cuts = detect_cuts(activity, settings.metrics.unit_scale) | np.isin(frames[1:], static.get("camera_jumps", ()))
     in_meters = activity.in_meters(settings.metrics.unit_scale)
     sample = sampled_pairs(frames, settings)
     rates = stats.rates(

@@ -1,1 +1,1 @@
-"""Exports channels as EXR, NPZ, Zarr or the Sintel layout; every frame is written completely or not at all."""
+"""Exports channels as EXR, NPZ, Zarr, in the Sintel layout or as data of learning; frames are written completely."""

@@ -6,14 +6,15 @@ import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from taubench_gl.animation import View
 from taubench_gl.errors import SettingsError
 from taubench_gl.export.channels import channel_named, stored_as
 from taubench_gl.export.frames import ExportFrame
-from taubench_gl.outputs import cannot_write, folder_in, plain_text, replacing
+from taubench_gl.outputs import cannot_write, folder_in, plain_text, write_arrays
 from taubench_gl.pathtraced.exr import write_exr
 from taubench_gl.pathtraced.passes import EXPORT_ATTRIBUTE
 
@@ -22,7 +23,8 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class ExportSpec:
-    """Contents of an export.  ``frames``: the requested frame numbers; ``names``: the channels that exist."""
+    """Contents of an export.  ``frames``: the requested frame numbers; ``names``: the channels that exist;
+    ``cuts``: first frames of new shots among them; ``view``: of any frame."""
 
     scene: str
     size: tuple[int, int]
@@ -30,10 +32,18 @@ class ExportSpec:
     frames: range
     names: tuple[str, ...]
     precision: str
+    cuts: tuple[int, ...] = ()
+    view: Callable[[int], View] | None = None
 
 
-class Writer(Protocol):
-    def __init__(self, out: Path, spec: ExportSpec): ...
+class Writer:
+    """Writes the files of a format into a folder."""
+
+    names: tuple[str, ...] | None = None
+    """Channels of a format that does not leave the choice."""
+
+    def __init__(self, out: Path, spec: ExportSpec):
+        self.out, self.spec = out, spec
 
     def prepare(self) -> None:
         """Create files that all frames share.  Called again when an export is resumed; existing files are kept."""
@@ -48,12 +58,6 @@ class Writer(Protocol):
         """Delete all files of this format."""
 
 
-def write_file(path: Path, write: Callable[[Path], None]) -> None:
-    """Call ``write`` with a temporary path and rename the file to ``path``.  Raises OutputError."""
-    with replacing(path, parents=True, suffix=path.suffix) as partial:
-        write(partial)
-
-
 @contextlib.contextmanager
 def _writing(path: Path) -> Iterator[None]:
     """Turns an OSError inside the block into an OutputError."""
@@ -63,19 +67,13 @@ def _writing(path: Path) -> Iterator[None]:
         raise cannot_write(path, error) from None
 
 
-class _PerFrame:
+class _PerFrame(Writer):
     """One file per frame."""
 
     suffix = ""
 
-    def __init__(self, out: Path, spec: ExportSpec):
-        self.out, self.spec = out, spec
-
     def path(self, frame: int) -> Path:
         return self.out / f"frame_{frame:05d}{self.suffix}"
-
-    def prepare(self) -> None:
-        pass
 
     def done(self, frame: int) -> bool:
         return self.path(frame).is_file()
@@ -131,11 +129,19 @@ class NpzWriter(_PerFrame):
 
     def write(self, frame: ExportFrame) -> None:
         arrays = self.stored(frame) | frame.camera
-        arrays |= {"frame": np.array(frame.number), "time_s": np.array(frame.time_s)}
-        write_file(self.path(frame.number), lambda partial: np.savez_compressed(partial, **arrays))
+        write_arrays(self.path(frame.number), arrays | {"frame": frame.number, "time_s": frame.time_s})
 
 
-class ZarrWriter:
+def zarr_module() -> Any:
+    """The package zarr.  Raises SettingsError where it is not installed."""
+    try:
+        import zarr
+    except ImportError:
+        raise SettingsError("zarr is not installed", hint="pip install 'taubench-gl[export]'") from None
+    return zarr
+
+
+class ZarrWriter(Writer):
     """Zarr v3 group ``frames.zarr``: one array (N, h, w, components) per channel, one chunk per frame.
 
     ``written`` (N,) bool is set last; a frame is complete only then.
@@ -146,10 +152,7 @@ class ZarrWriter:
         self._group: Any = None
 
     def prepare(self) -> None:
-        try:
-            import zarr
-        except ImportError:
-            raise SettingsError("zarr is not installed", hint="pip install 'taubench-gl[export]'") from None
+        zarr = zarr_module()
         with _writing(self.path):
             folder_in(self.path.parent, self.path.name)
             self._open(zarr)

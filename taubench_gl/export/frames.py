@@ -107,17 +107,20 @@ class FrameSource(GpuOwner):
         jitter: str | Callable[[int], Array] = "none",
         buffered: bool | None = None,
         training: TrainingOptions = NO_TRAINING,
+        two_sizes: bool = False,
     ):
         """Open what draws ``names``.
 
         ``jitter``: none, halton, or the offset of a frame, (2,) pixels, +x right, +y up; ``buffered``: as of
-        ``ChannelReader``.
+        ``ChannelReader``; ``two_sizes``: the input of ``training`` has a size and offsets of its own, the channels
+        ``names`` have none, and frames also have ``input_depth``, ``input_motion`` and, beside the camera,
+        ``input_jitter_px``.
         """
         super().__init__(gpu)
         self._animated = animated = animated.at_rate(settings.sequence.fps)
         self._count = frame_total(animated.scene, animated.camera, settings)
         self._reader = self.own(ChannelReader(gpu, buffered=buffered))
-        self._jitter = jitter if callable(jitter) else halton_jitter if jitter == "halton" else None
+        self._jitter = jitter if callable(jitter) else halton_jitter if jitter == "halton" and not two_sizes else None
         exact = EXACT_REASONS in names
         if exact:
             settings.require_exact()
@@ -126,10 +129,15 @@ class FrameSource(GpuOwner):
         self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
         self.names = tuple(n for n in names if n not in self.unmeasured)
         self.training: TrainingLight | None = None
+        self._input: FrameSource | None = None
         if training.wanted:
-            from taubench_gl.export.training import TrainingLight, require_same_pixels  # imported late: 0.5 s
+            from taubench_gl.export.training import TrainingLight, input_pixels, require_same_pixels  # late: 0.5 s
 
-            require_same_pixels(training, jitter)
+            if two_sizes:
+                smaller, offset = input_pixels(training, settings)
+                self._input = self.own(FrameSource(gpu, animated, smaller, ("depth", "motion"), jitter=offset))
+            else:
+                require_same_pixels(training, jitter)
             self.training = self.own(TrainingLight(gpu, animated, settings.replace(history="frame"), training))
         self._masks = self.open_evaluator(self.source, settings, images=True)
         self._motion: PairEvaluator | None = None
@@ -206,6 +214,10 @@ class FrameSource(GpuOwner):
             out |= self.training.files(submitted.number)
         number, view = submitted.number, submitted.view
         camera = camera_matrices(view, *self.source.size)
+        if self._input is not None:
+            (seen,) = self._input.frames([number])
+            out |= {f"input_{name}": values for name, values in seen.channels.items()}
+            camera["input_jitter_px"] = seen.camera["jitter_px"]
         return ExportFrame(number, number / self._settings.sequence.fps, out, camera, view)
 
     def _advance(self, frame: int) -> None:

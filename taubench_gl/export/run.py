@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
+import numpy as np
 
 from taubench_gl import __version__
 from taubench_gl.animation import CameraTrack, View
@@ -22,11 +23,12 @@ from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.export.channels import RADIANCE, choose_channels
 from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer, ZarrWriter
 from taubench_gl.export.frames import FrameSource
-from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
+from taubench_gl.export.sequences import NoisebaseWriter, NssWriter
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock
-from taubench_gl.option_groups import ExportOptions
+from taubench_gl.metrics.activity import camera_activity, detect_cuts
+from taubench_gl.option_groups import LEARNING, ExportOptions
 from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
 from taubench_gl.run import Progress
@@ -35,7 +37,10 @@ from taubench_gl.settings import Settings
 
 SCHEMA = "taubench-gl/export/1"
 MANIFEST = "export.json"
-FORMATS: dict[str, type[Writer]] = {"exr": ExrWriter, "npz": NpzWriter, "zarr": ZarrWriter, "sintel": SintelWriter}
+FORMATS: dict[str, type[Writer]] = {
+    "exr": ExrWriter, "npz": NpzWriter, "zarr": ZarrWriter, "sintel": SintelWriter, "nss": NssWriter,
+    "noisebase": NoisebaseWriter,
+}  # fmt: skip
 
 
 def exported_names(options: ExportOptions, *, stereo: bool = False) -> tuple[str, ...]:
@@ -44,9 +49,8 @@ def exported_names(options: ExportOptions, *, stereo: bool = False) -> tuple[str
     ``stereo``: of both eyes.
     """
     names = choose_channels(options.channels, stereo=stereo)
-    if options.format != "sintel":
-        return names
-    return (*SINTEL_NAMES, *(("color",) if "color" in options.channels else ()))
+    fixed = FORMATS[options.format].names
+    return names if fixed is None else (*fixed, *(("color",) * (options.format == "sintel" and "color" in names)))
 
 
 _EXPOSED = frozenset({*RADIANCE, "mask", "mask_forward"})
@@ -66,7 +70,7 @@ class Manifest(msgspec.Struct):
     schema: str
     scene: str
     sha256: str | None
-    format: Literal["exr", "npz", "zarr", "sintel"]
+    format: Literal["exr", "npz", "zarr", "sintel", "nss", "noisebase"]
     channels: list[str]
     settings: _Size
     frames: tuple[int, int]
@@ -104,8 +108,11 @@ def export_scene(
     if settings.metrics.samples_per_pixel != 1 or not settings.metrics.all_pairs:
         message = "an export contains every frame, with one sample per pixel"
         raise SettingsError(message, hint="leave samples_per_pixel and pairs out")
-    if settings.metrics.history == "both":
-        raise SettingsError("an export has one history", hint="give --history frame or eye", setting="history")
+    if settings.metrics.history != "frame" and (options.format in LEARNING or not settings.metrics.stereo):
+        raise SettingsError("this format has one history", hint="give --history frame, or eye", setting="history")
+    if options.format in LEARNING and None in (options.training.input, options.training.reference):
+        hint = "give --input and --reference, see docs/export.md"
+        raise SettingsError(f"format {options.format} needs noisy and clean light", hint=hint)
     control = (overwrite, progress, announce or (lambda line: None))
     if settings.metrics.stereo:
         return _export_eyes(scene, out, settings, options, control)
@@ -146,19 +153,18 @@ def _export(
     plan = plan_scene(scene, _lit(settings, options), camera)
     settings = plan.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     frames, loaded = plan.frames, plan.animated.scene
-    with (
-        opened_gpu(settings) as owner,
-        FrameSource(
-            owner.gpu, plan.animated, settings, names, jitter=options.jitter, training=options.training
-        ) as source,
-    ):
+    more = {"jitter": options.jitter, "training": options.training, "two_sizes": options.format == "nss"}
+    with opened_gpu(settings) as owner, FrameSource(owner.gpu, plan.animated, settings, names, **more) as source:
         exported = (*source.names, *(() if source.training is None else source.training.names))
         if not exported:
             why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())
             raise SettingsError(f"the scene has none of these channels: {why}")
         sequence = settings.sequence
         size = (sequence.width, sequence.height)
-        spec = ExportSpec(loaded.name, size, sequence.fps, frames, exported, options.precision)
+        views = [source.view(frame) for frame in frames]
+        activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))
+        cuts = tuple(frames[i + 1] for i in np.flatnonzero(detect_cuts(activity, settings.metrics.unit_scale)))
+        spec = ExportSpec(loaded.name, size, sequence.fps, frames, exported, options.precision, cuts, source.view)
         writer = FORMATS[options.format](out, spec)
         description = manifest(spec, settings, options, loaded.sha256, source.unmeasured)
         whole = _write_manifest(out, description, overwrite)

@@ -20,9 +20,9 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError
-from taubench_gl.export.formats import ExportSpec, write_file
+from taubench_gl.export.formats import Writer
 from taubench_gl.export.frames import ExportFrame, extrinsics
-from taubench_gl.outputs import write_atomically
+from taubench_gl.outputs import replacing, write_atomically
 
 Array = np.ndarray
 TAG = 202021.25
@@ -30,9 +30,6 @@ TAG = 202021.25
 
 UNKNOWN_FLOW = 1e10
 NO_SURFACE = 1e10
-NAMES = ("depth", "motion_forward", "mask_forward")
-"""Channels that the layout requires; ``color`` is optional."""
-
 _NO_POSITION = int(Reason.OUTSIDE | Reason.BEHIND | Reason.INVALID | Reason.CUT | Reason.FIRST)
 
 
@@ -55,11 +52,10 @@ def cam_bytes(intrinsics: Array, extrinsic: Array) -> bytes:
     return struct.pack("<f", TAG) + intrinsics.astype("<f8").tobytes() + extrinsic.astype("<f8").tobytes()
 
 
-class SintelWriter:
-    """Writes the folder tree.  A frame is complete if all its files exist."""
+class SintelWriter(Writer):
+    """Writes the folder tree.  A frame is complete if all its files exist.  The channel ``color`` is optional."""
 
-    def __init__(self, out: Path, spec: ExportSpec):
-        self.out, self.spec = out, spec
+    names = ("depth", "motion_forward", "mask_forward")
 
     def _paths(self, frame: int) -> dict[str, Path]:
         kinds = {"camdata_left": ".cam", "depth": ".dpt", "occlusions": ".png", "invalid": ".png", "flow": ".flo"}
@@ -70,11 +66,6 @@ class SintelWriter:
         return {
             kind: self.out / kind / self.spec.scene / f"frame_{frame + 1:04d}{suffix}" for kind, suffix in kinds.items()
         }
-
-    def prepare(self) -> None:
-        missing = [name for name in NAMES if name not in self.spec.names]
-        if missing:
-            raise SettingsError(f"the Sintel layout requires the channels {', '.join(missing)}")
 
     def done(self, frame: int) -> bool:
         return all(path.is_file() for path in self._paths(frame).values())
@@ -117,4 +108,5 @@ def _to_bytes(color: Array) -> Array:
 def _write_png(path: Path, pixels: Array) -> None:
     from PIL import Image
 
-    write_file(path, lambda partial: Image.fromarray(pixels).save(partial, format="PNG"))
+    with replacing(path, parents=True) as partial:
+        Image.fromarray(pixels).save(partial, format="PNG")

@@ -12,6 +12,7 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.option_groups import TrainingOptions
 from taubench_gl.pathtraced.references import LOBES, reference_lobes
+from taubench_gl.reuse.inputs import sample_offset
 from taubench_gl.reuse.light_pairs import LightPairs, input_kind
 from taubench_gl.reuse.references import PathTracedReference, reference_samples
 from taubench_gl.settings import Settings
@@ -45,6 +46,13 @@ def require_same_pixels(options: TrainingOptions, jitter: str) -> None:
     if kind.jitter != (jitter == "halton"):
         hint = "give jittered in --input and --jitter halton, or neither"
         raise SettingsError("the input and the other channels have different offsets", hint=hint)
+
+
+def input_pixels(options: TrainingOptions, settings: Settings) -> tuple[Settings, Callable[[int], Array] | str]:
+    """``settings`` with the size of the input, and its offsets, as of ``FrameSource``.  Raises SettingsError."""
+    kind = input_kind(options, 0)
+    width, height = kind.input_size((settings.sequence.width, settings.sequence.height))
+    return settings.replace(width=width, height=height), sample_offset(kind) or "none"
 
 
 class TrainingLight(LightPairs):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,12 @@ class Casters:
                 self._poses[i] = pose
                 self.versions[i] += 1
         self.visible = visible
+
+    def only(self, draws: Array) -> Casters:
+        """These casters, of which those that are not in ``draws`` (D,) bool are hidden."""
+        out = copy(self)
+        out.visible = self.visible & draws
+        return out
 
     def key(self) -> bytes:
         """Bytes that stay equal exactly while no draw moves, bends, appears or vanishes."""

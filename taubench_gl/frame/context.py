@@ -14,6 +14,7 @@ from taubench_gl.frame.materials import MaterialTable
 from taubench_gl.frame.records import Placement
 from taubench_gl.frame.scene_buffers import SceneBuffers
 from taubench_gl.frame.targets import History, Targets
+from taubench_gl.metrics.stochastic import LightCells
 
 if TYPE_CHECKING:
     import moderngl
@@ -34,6 +35,8 @@ class FrameContext:
     seed: int | None = None  # of the random numbers of light; None: that of the spec
     light_rows: np.ndarray | None = None  # LIGHT records of this frame
     exact_light: bool = False  # path-traced direct light of punctual lights has no noise at the camera's vertex
+    light_grid: LightCells | None = None  # by whose cells path tracing chooses lights
+    emitter_cells: int = 0  # row of ``light_cells`` at which those of emissive triangles begin
     casters: Casters | None = None
     tables: dict[str, Any] = field(default_factory=dict)  # textures and buffers that are no channels, by name
 

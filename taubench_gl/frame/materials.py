@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,10 +18,14 @@ from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shared import Held
+from taubench_gl.memory_budget import return_large_blocks
 from taubench_gl.scene.model import Material, Scene, Texture
+from taubench_gl.stage_log import lasting
 
 if TYPE_CHECKING:
     import moderngl
+
+log = logging.getLogger(__name__)
 
 SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
 """Texture slots of a material in binding order."""
@@ -37,8 +43,8 @@ _GL_SRGB8_ALPHA8 = 0x8C43
 TEXTURE = "texture of an image"
 """Kind of the objects that tables share; also whether it is sRGB-encoded."""
 
-DECODED_AHEAD = min(os.cpu_count() or 1, 8)
-"""Images that are decoded at the same time."""
+DECODED_AHEAD = max(min(os.cpu_count() or 1, 8) - 1, 1)
+"""Images that are decoded at the same time, while one is uploaded."""
 
 BLEND_CUTOFF = 0.5
 """Blended surfaces are present where alpha >= 0.5 and absent elsewhere, as in Cycles' passes Vector and Normal."""
@@ -152,16 +158,15 @@ def images_of(used: Iterable[tuple[Material, tuple[str, ...]]]) -> set[tuple[int
 
 def decoded_images(scene: Scene, images: Iterable[int]) -> Iterator[tuple[int, np.ndarray]]:
     """(image, texels (h, w, 4) uint8) in order.  Threads decode a few images ahead, so few are held at a time."""
+    return_large_blocks()
     ahead: deque[tuple[int, Future[np.ndarray]]] = deque()
     with ThreadPoolExecutor(DECODED_AHEAD) as pool:
         for image in images:
             if len(ahead) == DECODED_AHEAD:
-                first, decoding = ahead.popleft()
-                yield first, decoding.result()
+                yield ahead[0][0], ahead.popleft()[1].result()
             ahead.append((image, pool.submit(scene.images[image].decode)))
         while ahead:
-            first, decoding = ahead.popleft()
-            yield first, decoding.result()
+            yield ahead[0][0], ahead.popleft()[1].result()
 
 
 def image_bytes(size: tuple[int, int]) -> int:
@@ -192,30 +197,35 @@ class MaterialTable:
         spread = np.zeros((len(rows), STRIDE), dtype=np.uint8)
         spread[:, : rows.itemsize] = rows.view(np.uint8).reshape(len(rows), -1)
         self._buffer = gpu.ctx.buffer(spread.tobytes())
-        self._textures: dict[tuple[int, bool], moderngl.Texture] = {}
+        self._scene, self._used = scene, set(used)
         self._held: list[Held] = []  # textures, which all tables of a context share
         self._samplers: dict[tuple, moderngl.Sampler] = {}
-        try:
-            self._upload(scene, set(used))
-        except BaseException:
-            self.release()
-            raise
 
-    def _upload(self, scene: Scene, used: set[int]) -> None:
-        needed = images_of((self._materials[m + 1], self.keys[m + 1].slots) for m in used)
-        shared = self._gpu.shared
+    @cached_property
+    def textures(self) -> dict[tuple[int, bool], moderngl.Texture]:
+        """The textures of the images that are used, by (image, sRGB-encoded), uploaded when first asked for.
+
+        Raises SceneError where an image cannot be decoded, and GraphicsError where it is too large.
+        """
+        scene, shared = self._scene, self._gpu.shared
+        needed = images_of((self._materials[m + 1], self.keys[m + 1].slots) for m in self._used)
         missing = {(i, srgb) for i, srgb in needed if not shared.has(scene.images[i], (TEXTURE, srgb))}
-        for image, pixels in decoded_images(scene, sorted({image for image, _ in missing})):
-            for srgb in (srgb for i, srgb in sorted(missing) if i == image):
-                self._hold(scene, image, srgb, partial(self._texture, pixels, srgb, scene.images[image].name))
-        for image, srgb in needed - missing:
-            self._hold(scene, image, srgb)
+        out = {}
 
-    def _hold(self, scene: Scene, image: int, srgb: bool, make: Callable[[], Any] = lambda: None) -> None:
-        """Hold the texture of an image for this table; ``make``: where no other table has it."""
-        held = self._gpu.shared.hold(scene.images[image], (TEXTURE, srgb), make)
-        self._held.append(held)
-        self._textures[image, srgb] = held.value
+        def hold(image: int, srgb: bool, make: Callable[[], Any] = lambda: None) -> None:
+            self._held.append(shared.hold(scene.images[image], (TEXTURE, srgb), make))
+            out[image, srgb] = self._held[-1].value
+
+        images = sorted({image for image, _ in missing})
+        with lasting(log, "decoding %d images", len(images)) if images else nullcontext() as advance:
+            for number, (image, pixels) in enumerate(decoded_images(scene, images), start=1):
+                for srgb in (srgb for i, srgb in sorted(missing) if i == image):
+                    hold(image, srgb, partial(self._texture, pixels, srgb, scene.images[image].name))
+                del pixels  # before the next one is waited for
+                advance(number / len(images))
+        for image, srgb in needed - missing:
+            hold(image, srgb)
+        return out
 
     def _texture(self, pixels: np.ndarray, srgb: bool, name: str) -> moderngl.Texture:
         height, width = pixels.shape[:2]
@@ -243,7 +253,7 @@ class MaterialTable:
         for slot in self.keys[material + 1].slots:
             if slot in only:
                 texture, unit = texture_of(record, slot), bindings[f"{slot}_map"]
-                self._textures[texture.image, slot in SRGB_SLOTS].use(unit)
+                self.textures[texture.image, slot in SRGB_SLOTS].use(unit)
                 self._sampler(texture).use(unit)
 
     def unbind(self) -> None:
@@ -265,15 +275,15 @@ class MaterialTable:
     def pixels(self, image: int) -> np.ndarray | None:
         """Texels of an image as in its file, (h, w, 4) uint8, where a texture of it is on the GPU."""
         for srgb in (True, False):
-            if (image, srgb) in self._textures:
-                texture = self._textures[image, srgb]
+            if (image, srgb) in self.textures:
+                texture = self.textures[image, srgb]
                 return np.frombuffer(texture.read(), np.uint8).reshape(*texture.size[::-1], 4)
         return None
 
     @property
     def texture_bytes(self) -> int:
         """GPU memory of the textures with their mipmaps, bytes."""
-        return sum(image_bytes(t.size) for t in self._textures.values())
+        return sum(image_bytes(t.size) for t in self.textures.values())
 
     def release(self) -> None:
         self._buffer.release()

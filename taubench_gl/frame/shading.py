@@ -22,6 +22,7 @@ class Shading:
     gather_each: bool = False  # method rsm: every pixel gathers, which is the expectation of the stochastic estimate
     both_frames: bool = False  # path-traced: rays can also be traced in the previous frame, for what shades later
     one_light: bool = False  # path-traced: a sample of the visible surface chooses one punctual light, not every one
+    every_light: bool = False  # path-traced: every punctual light has a shadow ray at the visible surface
 
     def __post_init__(self) -> None:
         if self.rate not in RATES:

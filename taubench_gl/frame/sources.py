@@ -143,6 +143,7 @@ class RasterSource(Owner):
         self._history = renderer.history
         self.visibility = self.own(VisibilityPass(renderer, spec) if VISIBILITY in spec.extra else None)
         self.light = self.own(LightStage(renderer, spec) if any(declare(spec) for declare in LIGHT) else None)
+        _ = renderer.materials.textures  # uploaded when the trees of rays stand, whose making takes memory for a while
 
     def advance(self, frame: int) -> View:
         return self._draw(frame, self._offset(frame))

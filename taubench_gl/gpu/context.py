@@ -11,7 +11,7 @@ import ctypes
 import os
 import re
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -106,6 +106,14 @@ class Gpu:
         define_image = prototype(self._function("glTexImage2D"))
         define_image(_GL_TEXTURE_2D, 0, _GL_DEPTH_COMPONENT32F, *size, 0, _GL_DEPTH_COMPONENT, _GL_FLOAT, None)
         return texture
+
+    def copy_texels(self, source: moderngl.Texture, target: moderngl.Texture, rects: Iterable[tuple]) -> None:
+        """Copy ``rects`` (x, y, width, height) of ``source`` to the same texels of ``target``, bit for bit."""
+        place = [ctypes.c_uint, ctypes.c_uint, *[ctypes.c_int] * 4]
+        copy = ctypes.CFUNCTYPE(None, *place, *place, *[ctypes.c_int] * 3)(self._function("glCopyImageSubData"))
+        for x, y, width, height in rects:
+            place = _GL_TEXTURE_2D, 0, x, y, 0
+            copy(source.glo, *place, target.glo, *place, width, height, 1)
 
     def texture(self, size: tuple[int, int], components: int = 4, dtype: str = "f4") -> moderngl.Texture:
         """A texture whose texels are read one by one, not filtered.  ``dtype``: as in moderngl."""

@@ -367,11 +367,15 @@ class LightEstimate:
         return out
 
     def narrow(self, intervals: Mapping[tuple[str, ...], Interval]) -> bool:
-        """Whether the intervals of all columns, and of the rate, are as narrow as asked for, but for the choice of
+        """Whether no interval is wider than asked for."""
+        return self.widest(intervals) <= self._most
+
+    def widest(self, intervals: Mapping[tuple[str, ...], Interval]) -> float:
+        """Half width of the widest interval of all columns and of the rate, percentage points; but for the choice of
         pairs whose preview is known."""
         named = [i for at, i in intervals.items() if at[0] == "discard" and at[2] == "mean_percent"]
         named += [i for at, i in intervals.items() if at == ("reusable", "shading", "mean_percent")]
-        return all(interval.of_pixels <= self._most for interval in named)
+        return float(np.max([0.0, *(interval.of_pixels for interval in named)]))
 
     @property
     def samples(self) -> int:

@@ -61,13 +61,15 @@ class LightCells:
             side *= 1.02
         return cls(low - margin, side, tuple(int(n) for n in counts))
 
-    def importance(self, positions: Array, power: Array, ranges: Array, faded: Array) -> Array:
+    def importance(
+        self, positions: Array, power: Array, ranges: Array, faded: Array, extents: Array | float = 0.0
+    ) -> Array:
         """What each light brings to each cell, (1 + cells, L) float64; 0 only where it cannot shine.
 
         ``positions`` (L, 3); ``power`` (L,): largest channel; ``ranges`` (L,): 0: unlimited; ``faded`` (L,) bool:
-        whether it falls off with distance.  Row 0 is of points outside of the box: power alone.  A cell: power times
-        the range window at its nearest point, over the squared distance of its center, at least a quarter of its
-        squared side.
+        whether it falls off with distance; ``extents`` (L,): square meters over which a light is spread.  Row 0 is of
+        points outside of the box: power alone.  A cell: power times the range window at its nearest point, over the
+        squared distance of its center, at least a quarter of its squared side, and at least the extent.
         """
         shape = (*self.counts, len(power))
         centered, nearest = np.zeros(shape), np.zeros(shape)
@@ -77,7 +79,8 @@ class LightCells:
             centered += (across**2)[place]
             nearest += (np.maximum(np.abs(across) - 0.501 * self.side, 0.0) ** 2)[place]
         window = 1.0 - (nearest / np.where(ranges > 0.0, ranges, np.inf) ** 2) ** 2
-        falloff = np.where(faded, 1.0 / np.maximum(centered, 0.25 * self.side**2), 1.0)
+        least = np.maximum(0.25 * self.side**2, extents)
+        falloff = np.where(faded, 1.0 / np.maximum(centered, least), 1.0)
         cells = power * falloff * np.clip(window, 0.0, 1.0)
         return np.concatenate([power[None], cells.reshape(math.prod(self.counts), len(power))])
 

@@ -73,7 +73,7 @@ def _timed(scene: Scene, job: Job) -> tuple[int, float, str, float]:
     settings, light, plan = job.settings, job.settings.lighting, light_plan(job.settings, sampled=True)
     if light.exposure == AUTO:  # metering takes as long as what is timed
         settings = settings.replace(exposure=1.0 if scene.exposure is None else scene.exposure)
-    frames = frame_range(scene, camera_of_run(scene, settings.sequence), settings)
+    frames = frame_range(scene, camera_of_run(scene, settings.sequence, settings.metrics.unit_scale), settings)
     pairs = len(sampled_pairs(frames, settings).positions)
     drawn = len(frame_schedule(frames, settings)) / max(pairs, 1)  # frames of a pair
     start = frames[max(len(frames) // 2 - 1, 0)]

@@ -82,7 +82,10 @@ def figure_1(scene: Scene, settings: Settings, path: Path) -> Path:
     ``settings``: of the images.  Writes a PNG.  Raises TaubenchError.
     """
     begin = round((settings.sequence.frames[0] or 0) / settings.sequence.fps * STILL_FPS)
-    track, start = camera_of_run(scene, settings.sequence), sample(scene, begin / STILL_FPS, STILL_FPS)
+    track, start = (
+        camera_of_run(scene, settings.sequence, settings.metrics.unit_scale),
+        sample(scene, begin / STILL_FPS, STILL_FPS),
+    )
     small = _small(settings, ("frustum", "color"), (begin, begin + 2), STILL_FPS)
     width, height = panel_size(settings)
     sheet = Sheet(2, 2, width / height)

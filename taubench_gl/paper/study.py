@@ -16,7 +16,6 @@ from taubench_gl.paper.scenes import RENDER_FPS, PaperScene
 from taubench_gl.run import Run, load_run
 from taubench_gl.settings import Settings
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.unit import Engine
 
 RUNS = "runs"
 """The batch, in the folder of the results."""
@@ -91,20 +90,19 @@ def run_jobs(
     out: Path,
     seconds: float | None,
     *,
-    engine: str | Engine | None = None,
-    workers: int | None = None,
+    workers: int = 0,
     chunk: int | None = None,
     listener: Listener | None = None,
 ) -> list[SceneResult]:
     """Run what is not finished in the batch of ``out``.  Raises TaubenchError.
 
-    ``seconds``: of the slowest pair, which limits the pairs of a unit; None: not known.  ``engine``, ``workers``,
-    ``chunk``: as of ``run_batch``.
+    ``seconds``: of the slowest pair, which limits the pairs of a unit; None: not known.  ``workers``, ``chunk``: as of
+    ``run_batch``.
     """
     if chunk is None and seconds is not None:
         chunk = max(1, min(32, int(UNIT_SECONDS / max(seconds, 1e-3))))
     spec = BatchSpec("paper", tuple(job for scene in jobs for job in scene.parts.values()))
-    failed = run_batch(spec, out / RUNS, engine=engine, workers=workers, chunk=chunk, listener=listener).failed
+    failed = run_batch(spec, out / RUNS, workers=workers, chunk=chunk, listener=listener).failed
     store, results = batch_store(out / RUNS), []
     for scene in jobs:
         done = {part: load_run(job_folder(store, j.id)) for part, j in scene.parts.items() if j.id not in failed}

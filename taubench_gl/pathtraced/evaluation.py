@@ -192,6 +192,7 @@ def require_supported(spec: str | Path, settings: Settings) -> None:
         ("samples per pixel", settings.metrics.samples_per_pixel, 1),
         ("exact", settings.metrics.exact, False),
         ("history", settings.metrics.history, "frame"),
+        ("camera path", settings.sequence.camera_path, None),
     ):
         if value != only:
             hint = f"leave it at {only}"

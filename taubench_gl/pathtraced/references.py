@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shutil
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -27,6 +28,7 @@ from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import file_hashes
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.folder_lock import FolderLock
+from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.lobes import COMMON_LOBES, lobe_channels, lobes_with
@@ -345,7 +347,8 @@ class SceneTracer:
     @cached_property
     def _source(self) -> RasterSource:
         """Opened for the first sample: the structures of its scene take seconds, and stored frames need none."""
-        return self._owner.open_source(self._animated, self._settings, extra=self._lobes)
+        shading = Shading(every_light=True)
+        return self._owner.open_source(self._animated, self._settings, extra=self._lobes, shading=shading)
 
     def view(self, frame: int) -> View:
         return self._animated.view_at(frame / self._settings.sequence.fps)
@@ -407,6 +410,7 @@ class Estimate:
     samples: int
     seconds: float | None
     limit: float | None = None  # seconds that ``samples`` were fitted to
+    quiet: bool = False  # more samples would fit, and are not needed
 
     @property
     def text(self) -> str:
@@ -418,6 +422,8 @@ class Estimate:
         line += f", about {duration_text(self.seconds)} to trace"
         if self.limit is None:
             return line
+        if self.quiet:
+            return f"{line}; as many samples as leave no noise to see"
         if self.seconds <= self.limit:
             return f"{line}; as many samples as fit {duration_text(self.limit)} (--reference-time)"
         fewer = "fewer --frames or a smaller --size take less"
@@ -461,10 +467,13 @@ class References:
         left[first] = self._left(first)
         return Estimate(len(left), complete, self.samples, seconds * sum(left.values()))
 
-    def fit(self, frames: Iterable[int], seconds: float) -> Estimate:
+    def fit(
+        self, frames: Iterable[int], seconds: float, enough: Callable[[Accumulated], float] = lambda sums: math.inf
+    ) -> Estimate:
         """Set ``samples`` to the largest power of two for which ``frames`` take at most ``seconds``; FEWEST to MOST.
 
-        The time is that of a part of the first frame, which counts.  If all frames are stored with FEWEST samples or
+        The time is that of a part of the first frame, which counts.  ``enough``: samples that suffice, by the sums of
+        this part.  If all frames are stored with FEWEST samples or
         more, the fewest of them are used, whatever the time: repeated evaluations have the same reference.
         """
         frames = tuple(frames)
@@ -474,15 +483,19 @@ class References:
             return Estimate(len(frames), len(frames), self.samples, None)
         first = min(stored, key=stored.get)
         each = self._time_parts(first, stored[first] + 2 * FEWEST)
-        stored[first] = self._load(first).samples
+        sums = self._load(first)
+        stored[first] = sums.samples
 
         def needed(samples: int) -> float:
             return each * sum(max(0, samples - have) for have in stored.values())
 
-        powers = (1 << k for k in range(MOST.bit_length()))
-        self.samples = max((n for n in powers if FEWEST <= n <= MOST and needed(n) <= seconds), default=FEWEST)
+        powers = [1 << k for k in range(MOST.bit_length()) if FEWEST <= 1 << k <= MOST]
+        fitting = max((n for n in powers if needed(n) <= seconds), default=FEWEST)
+        suffice = enough(sums)
+        self.samples = next((n for n in powers if suffice <= n < fitting), fitting)
         complete = sum(have >= self.samples for have in stored.values())
-        return Estimate(len(frames), complete, self.samples, needed(self.samples), seconds)
+        quiet = self.samples < fitting
+        return Estimate(len(frames), complete, self.samples, needed(self.samples), seconds, quiet)
 
     def frame(self, frame: int) -> Reference:
         """The reference of ``frame``, traced as far as it is not stored.  An interrupt loses at most SAVE_SECONDS."""

@@ -14,7 +14,7 @@ from taubench_gl.report.light_samples import mean_samples
 from taubench_gl.report.method_styles import method_styles
 from taubench_gl.report.page import Page, bullets, data_uri, picture, tag, text_lines
 from taubench_gl.report.plot import Plot, label_ends
-from taubench_gl.report.reuse import class_label, ranks
+from taubench_gl.report.reuse import class_label, mean_response, ranks
 from taubench_gl.report.table import Column, Row, Table, to_html
 
 Summary = Mapping[str, Any]
@@ -27,10 +27,14 @@ SHOWN = {
 
 _HEADROOMS = {"headroom_db": "headroom", "clipped_headroom_db": "headroom clipped"}
 
-UNITS = {"rotation": "deg/frame", "translation": "m/frame", "light_speed": "m/frame", "object_speed": "m/frame"}
+UNITS = {
+    "rotation": "deg/frame", "translation": "m/frame", "light_speed": "m/frame", "object_speed": "m/frame",
+    "camera_path_speed": "times",
+}  # fmt: skip
 AXES = {
     "rotation": "rotation of the camera", "translation": "speed of the camera",
     "light_speed": "speed of the lights", "object_speed": "speed of the objects",
+    "camera_path_speed": "speed of the recorded camera",
 }  # fmt: skip
 PLOT_NAME = "speeds"
 FINE = 16
@@ -43,13 +47,14 @@ def benchmark_tables(summary: Summary) -> list[Table]:
 
 
 def benchmark_sections(summary: Summary) -> dict[str, list[Table]]:
-    """``benchmark_tables`` by section of the page: ``ranks speeds classes samples cases``."""
+    """``benchmark_tables`` by section of the page: ``ranks speeds classes samples response cases``."""
     tracks = summary["rankings"]
     sections = {
         "ranks": [_ranking(summary, track, rankings) for track, rankings in tracks.items() if rankings],
         "speeds": [_speeds(summary)] if summary["speeds"] else [],
         "classes": [*(_levels(summary, track) for track in tracks), *(_classes(summary, track) for track in tracks)],
         "samples": [mean_samples(summary)],
+        "response": [mean_response(summary)],
         "cases": [_cases(summary)],
     }
     numbers = itertools.count(1)
@@ -249,6 +254,8 @@ def benchmark_html(summary: Summary, image: bytes | None = None) -> str:
     )
     if "samples" in tables:
         page.add("samples", "Light samples", tables["samples"])
+    if "response" in tables:
+        page.add("response", "Response time", tables["response"])
     page.add("cases", "Cases", *[tables[n] for n in ("cases",) if n in tables], text_lines(about))
     return page.html()
 

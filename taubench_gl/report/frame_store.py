@@ -18,7 +18,7 @@ import numpy as np
 
 from taubench_gl.data_files import hashed, read_bytes, read_json
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import cannot_write, folder_in, write_atomically
+from taubench_gl.outputs import cannot_write, folder_in, image_bytes, write_atomically
 
 Array = np.ndarray
 
@@ -151,14 +151,11 @@ class ImageRecorder:
 
         WebP of QUALITY or PNG, by the suffix of ``name``.  Raises OutputError.
         """
-        from PIL import Image
-
         if pixels.dtype != np.uint8:
             pixels = np.round(255.0 * _downscaled(pixels, self.step, self.size[::-1])).astype(np.uint8)
-        data, form = io.BytesIO(), name.rpartition(".")[2]
+        form = name.rpartition(".")[2]
         options: dict[str, Any] = {"quality": QUALITY, "method": 4} if form == "webp" else {"optimize": True}
-        Image.fromarray(pixels).save(data, format=form.upper(), **options)
-        write_atomically(self.folder / name, data.getvalue())
+        write_atomically(self.folder / name, image_bytes(pixels, form, **options))
 
     def write_index(self, frames_file: Path, entries: Mapping[str, Any]) -> None:
         """Write the index.  Raises OutputError.

@@ -26,7 +26,7 @@ _SAMPLES = {
 _BIAS = {
     "mean": Column("bias", "", 6), "low": Column("low", "", 6), "high": Column("high", "", 6),
     "percent": Column("of the light", "%", 2), "brighter_seeds": Column("brighter seeds"),
-    "sign_test_p": Column("p (signs)", "", 4), "variance": Column("variance", "", 6),
+    "sign_test_p": Column("p (signs)", "", 4),
 }  # fmt: skip
 _BORN = {"found_percent": Column("new light found", "%", 1), "frames": Column("after", "frames", 2)}
 _HISTORY = {
@@ -67,10 +67,9 @@ def sample_tables(evaluated: Mapping[str, Summary], reasons: Mapping[str, str]) 
     rows = tuple(Row(label, tuple(values.get(name) for name in _BIAS)) for label, values in merged.items())
     note = (
         "Mean error of luminance against the reference, whose noise is part of it; interval over seeds from five on; "
-        "seeds whose mean is above that of the reference, and the p-value of their number. Variance: of luminance over "
-        "seeds, mean over pixels and frames."
+        "seeds whose mean is above that of the reference, and the p-value of their number."
     )
-    tables.append(Table(9, "Bias and variance", tuple(_BIAS.values()), rows, (note,)))
+    tables.append(Table(9, "Bias of luminance", tuple(_BIAS.values()), rows, (note,)))
     histories = {label: samples["history"] for label, samples in methods.items() if samples["history"]}
     rows = [
         Row(f"{label}, {name.replace('_', ' ')}", tuple(entry[column] for column in _HISTORY))

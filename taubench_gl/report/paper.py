@@ -313,7 +313,7 @@ def _notes(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -> 
         stand_in = (summary.get("scene") or {}).get("stand_in")
         notes += [f"{_prefix(label, labels)}stand-in: {stand_in}."] if stand_in else []
     if paper:
-        notes.append(f"Paper: {paper_numbers()['citation']}.")
+        notes.append(f"Paper: {paper_numbers()['citation']}.  It does not state the rate of its Tables 2 and 3.")
     return tuple(notes)
 
 

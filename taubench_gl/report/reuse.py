@@ -79,6 +79,17 @@ _WORTH = 0.01
 BELOW_NOISE = "below the reference's noise"
 """Reason of a missing value: an unbiased estimate of a squared error is not above 0."""
 
+_RESPONSE = {
+    "frames": Column("response", "frames", 2), "low": Column("low", "frames", 2), "high": Column("high", "frames", 2),
+    "never_percent": Column("never", "%", 0), "events": Column("events"), "followed": Column("followed"),
+}  # fmt: skip
+_RESPONSE_NOTE = (
+    "Frames after an event until the squared error of linear radiance in its pixels is a tenth of its peak above the "
+    "noise floor, the median of the last quarter of the frames that follow these pixels; 0: the peak is within the "
+    "noise of the floor, or the error stays as high. Mean over the events that reach it, 95 % interval over seeds. "
+    "Never: share of the followed events that do not reach it in the first half of these frames."
+)
+
 _BOUND_NOTE = (
     "Bound: the method's own reprojected history and input, blended by the weight of each pixel nearest to the "
     "reference. A method whose every pixel is a blend of the two cannot be better; others can."
@@ -99,6 +110,8 @@ def reuse_tables(summary: Summary) -> list[Table]:
     tables.append(Table(2, "Reuse, time and memory", columns, rows, (clock, _class_source(summary))))
     tables.append(_class_table(summary))
     rows = tuple(_row(label, method, "bound", _BOUND, "bound.") for label, method in methods)
+    eyes = [(label, method) for label, method in methods if method.get("eye_bound")]
+    rows += tuple(_row(f"{label}, other eye", method, "eye_bound", _BOUND) for label, method in eyes)
     tables.append(
         Table(4, "Bound and headroom", tuple(_BOUND.values()), rows, (_BOUND_NOTE, *_headroom_texts(summary)))
     )
@@ -106,8 +119,55 @@ def reuse_tables(summary: Summary) -> list[Table]:
         _further_table(summary)
         + _linear_table(summary)
         + sample_tables(valid_methods(summary), summary.get("sample_reasons", {}))
+        + _response_table(summary)
+        + _parts_table(summary)
     )
     return tables + comparison_tables(summary) + further
+
+
+def _response_table(summary: Summary) -> list[Table]:
+    """Response time of every method after every kind of event that the frames have."""
+    rows, notes = [], []
+    for label, method in valid_methods(summary).items():
+        for event, found in method.get("response", {}).items():
+            row = Row(f"{label}, {event.replace('_', ' ')}", tuple(found[name] for name in _RESPONSE))
+            rows.append(row)
+            if found["reason"]:
+                notes.append(f"{row.label}: {found['reason']}.")
+    meaning = "; ".join(f"{name.replace('_', ' ')}: {doc}" for name, doc in summary.get("events", {}).items())
+    notes = (_RESPONSE_NOTE, f"{meaning}.", *notes)
+    return [Table(11, "Response time", tuple(_RESPONSE.values()), tuple(rows), notes)] if rows else []
+
+
+def _parts_table(summary: Summary) -> list[Table]:
+    """Squared bias and variance of every method; none without seeds."""
+    parts = {label: m["error_parts"] for label, m in valid_methods(summary).items() if m.get("error_parts")}
+    names = {"bias_squared": "squared bias", "variance": "variance"}
+    columns = [Column(f"{title}{end}", "", 6) for title in names.values() for end in ("", ", low", ", high")]
+    rows = [
+        Row(label, tuple(of[n][end] for n in names for end in ("mean", "low", "high"))) for label, of in parts.items()
+    ]
+    note = (
+        "Squared error of linear radiance, apart: variance over seeds, and the rest, the squared bias. 95 % interval "
+        "over frames; a small squared bias can be below 0 by noise."
+    )
+    return [Table(12, "Bias and variance", tuple(columns), tuple(rows), (note,))] if rows else []
+
+
+def mean_response(summary: Summary) -> Table:
+    """The table of a benchmark of response times by event, means over the cases in which a method reaches them."""
+    events = dict.fromkeys(
+        event for m in summary["methods"].values() for cell in m["cases"].values() for event in cell.get("response", ())
+    )
+    rows = []
+    for label, method in summary["methods"].items():
+        cells = [cell.get("response", {}) for cell in method["cases"].values()]
+        values = [[c[event]["frames"] for c in cells if c.get(event, {"frames": None})["frames"] is not None]
+                  for event in events]  # fmt: skip
+        if any(values):
+            rows.append(Row(label, tuple(float(np.mean(v)) if v else None for v in values)))
+    columns = tuple(Column(event.replace("_", " "), "frames", 2) for event in events)
+    return Table(0, "Response time: means over the cases", columns, tuple(rows), (_RESPONSE_NOTE,))
 
 
 def _headroom_texts(summary: Summary) -> list[str]:

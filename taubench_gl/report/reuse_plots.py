@@ -15,7 +15,7 @@ from taubench_gl.report.reuse import LABELS, class_label, mean_over_seeds, valid
 
 Summary = Mapping[str, Any]
 
-PLOTS = ("frames", "classes", "time", "convergence")
+PLOTS = ("frames", "classes", "time", "convergence", "response", "equal_rays", "equal_time")
 """Names of the plots of an evaluation, without suffix."""
 
 
@@ -24,7 +24,10 @@ def plot_reuse(summary: Summary, rows: Sequence[Mapping[str, Any]], folder: Path
     if not valid_methods(summary):
         return []
     measure = "flip" if any(row["flip"] is not None for row in rows) else "relmse"
-    plots = _frames(summary, rows, measure), _classes(summary, measure), _time(summary, measure), _convergence(summary)
+    plots = (
+        _frames(summary, rows, measure), _classes(summary, measure), _time(summary, measure), _convergence(summary),
+        _response(summary), _equal_cost(summary, "shadow rays a pixel"), _equal_cost(summary, "ms a frame"),
+    )  # fmt: skip
     return [
         path
         for name, plot in zip(PLOTS, plots, strict=True)
@@ -148,6 +151,47 @@ def _convergence(summary: Summary) -> Plot | None:
         xscale="log", yscale="log", ylabel="RMS error, linear radiance",
         xlabel=f"frames, the first being frame {starts}",
     )  # fmt: skip
+    plot.legend(plot.axes)
+    return plot
+
+
+def _response(summary: Summary) -> Plot | None:
+    """Error over the frames since an event, a panel for each kind of event; no point for an exact frame."""
+    methods = {label: m["response"] for label, m in valid_methods(summary).items() if m.get("response")}
+    events = [name for name in summary.get("events", ()) if any(name in found for found in methods.values())]
+    if not any(value > 0 for found in methods.values() for e in found.values() for value in e["curve"]):
+        return None
+    plot, styles = Plot("", 8.0, 1.0 + 2.6 * len(events), rows=len(events)), method_styles(methods)
+    for axes, event in zip(plot.panels, events, strict=True):
+        for label, found in methods.items():
+            curve = np.array(found.get(event, {"curve": ()})["curve"], dtype=float)
+            ages = np.flatnonzero(curve > 0)
+            axes.plot(ages, curve[ages], linewidth=1.7, label=label, **styles[label].curve)
+        axes.set(yscale="log", ylabel="squared error, linear radiance", xlabel="frames since the event")
+        plot.title(axes, _title(summary, f"Response, {event.replace('_', ' ')}"))
+    plot.legend(plot.axes)
+    return plot
+
+
+def _equal_cost(summary: Summary, unit: str) -> Plot | None:
+    """Error at equal cost: the mean of n independent runs costs n times as much and has a variance of 1 / n.
+
+    ``unit``: of the cost, shadow rays or time; no curve for a method without it.
+    """
+    curves = {}
+    for label, method in valid_methods(summary).items():
+        rays = ((method.get("samples") or {}).get("per_pixel") or {}).get("shadow_rays")
+        cost, parts = rays if "rays" in unit else method["time_ms"], method.get("error_parts")
+        if cost and parts and parts["variance"]["mean"] > 0:
+            curves[label] = cost, max(parts["bias_squared"]["mean"], 0.0), parts["variance"]["mean"]
+    if not curves:
+        return None
+    plot, styles = Plot(_title(summary, "Mean of independent runs at equal cost")), method_styles(curves)
+    most = 100.0 * max(cost for cost, *_ in curves.values())
+    for label, (cost, bias, variance) in curves.items():
+        budget = np.geomspace(cost, most, 64)
+        plot.axes.plot(budget, bias + variance * cost / budget, linewidth=1.7, label=label, **styles[label].curve)
+    plot.axes.set(xscale="log", yscale="log", xlabel=unit, ylabel="squared error, linear radiance")
     plot.legend(plot.axes)
     return plot
 

@@ -22,7 +22,7 @@ from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.data_files import read_bytes, read_csv, read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.masks import PixelDistances
-from taubench_gl.outputs import write_atomically
+from taubench_gl.outputs import image_bytes, write_atomically
 from taubench_gl.report.distance_planes import (
     CODES,
     EncodedDistances,
@@ -140,13 +140,12 @@ class StoredFrames:
         with Image.open(io.BytesIO(read_bytes(self.folder / file_name(part, frame)))) as image:
             image.load()
         width, height = (max(side // step * step, 1) for side in image.size)
-        whole, data = image.crop((0, 0, width, height)), io.BytesIO()
+        whole = image.crop((0, 0, width, height))
         if part == "mask":
-            pixels = np.asarray(whole)[step // 2 :: step, step // 2 :: step]
-            Image.fromarray(pixels).save(data, format="PNG", optimize=True)
+            data = image_bytes(np.asarray(whole)[step // 2 :: step, step // 2 :: step], optimize=True)
         else:
-            whole.reduce(step).save(data, format="WEBP", quality=SHARED_QUALITY, method=4)
-        return data_uri(data.getvalue(), _SUFFIX[part])
+            data = image_bytes(np.asarray(whole.reduce(step)), "webp", quality=SHARED_QUALITY, method=4)
+        return data_uri(data, _SUFFIX[part])
 
     def uri(self, part: str, frame: int) -> str:
         """An image as a data URI; ``part`` is frame, previous, mask or planes.  Raises OutputError."""

@@ -48,12 +48,12 @@ class Blended:
     used: Array | None
 
     @classmethod
-    def of(cls, radiance: Array, reported: Mapping[str, Array]) -> Blended | None:
+    def of(cls, radiance: Array, reported: Mapping[str, Array], name: str = "reprojected_history") -> Blended | None:
         """What a method blended: ``radiance`` (h, w, 4) of its input and the images of ``MethodRunner.reported``.
 
-        None where it does not report its reprojected history in the size of the input.
+        None where it does not report its history ``name`` in the size of the input.
         """
-        history = reported.get("reprojected_history")
+        history = reported.get(name)
         if history is None:
             return None
         now = reported.get("blend_input", radiance)[..., :3].astype(np.float64)

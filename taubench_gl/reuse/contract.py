@@ -60,6 +60,7 @@ report it (``write_result(p, vec3)``)."""
 REPORTS: dict[str, str] = {
     "reprojected_history": "rgb: the color history as it was fetched along the motion, before any rectification; "
     "a: 1 with history, 0 without",
+    "eye_history": "with history both: rgb: the color of the other eye as it was fetched; a: 1 with one, 0 without",
     "rectified_history": "rgb: the history that was used, after rectification (clamp, clip); default: derived from "
     "the result and its weight",
     "blend_input": "rgb: the color that history was blended with; default: radiance",

@@ -160,7 +160,12 @@ _LIGHT_WORDS = (
 """Functions of a method that computes its direct light itself (shaders/reuse/light.glsl)."""
 
 _STRUCT_NAME = re.compile(r"[A-Z][A-Za-z0-9]{0,39}")
-_READ_WORDS = {"material": ("roughness", "metallic"), "emitted": ("remodulate",)}
+_READ_WORDS = {
+    "eye_motion": ("eye_px",),
+    "eye_mask": ("reusable_eye",),
+    "material": ("roughness", "metallic"),
+    "emitted": ("remodulate",),
+}
 """Functions that are generated where an input is read."""
 
 

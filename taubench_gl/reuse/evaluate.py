@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
+from taubench_gl.effects.census import census
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.evaluation import plan_scene
@@ -33,9 +34,9 @@ from taubench_gl.reuse.chain import LINK
 from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method, Value
 from taubench_gl.reuse.file_inputs import FileInputs
-from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.frame import EYE_INPUTS, FrameInputs, read_result
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import FrameRequest, Inputs, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, Inputs, OtherEye, RasterInputs
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.perceptual import open_perceptual
 from taubench_gl.reuse.quality import MEASURES, WHITE, display, fixed_gain, half_noise, psnr, reusable, warp_error
@@ -48,6 +49,7 @@ from taubench_gl.reuse.references import (
     SupersampledReference,
     reference_samples,
 )
+from taubench_gl.reuse.response import EVENTS, EventTracker
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.sample_rays import REASONS, SampleRays
 from taubench_gl.reuse.samples import SampleRecord, light_colors, outcome_colors
@@ -72,7 +74,8 @@ _EVALUATION_READS = ("mask", "motion", "exact_mask")
 """The input that the evaluation itself provides: what methods are compared with."""
 
 KEPT_REFERENCE_BYTES = 1 << 31
-"""Reference images, and exact masks, are kept in memory for further seeds up to this size, else made again."""
+"""Reference images, and exact masks, are kept in memory for further seeds up to this size, else made again; sums of the
+errors of all methods up to this size, else those of fewer frames."""
 
 _EXACT_BYTES = 12
 """Bytes of the exact mask and motion of one pixel."""
@@ -238,13 +241,13 @@ def evaluate_methods(
     _check_labels([spec.label for spec in specs])
     options.check(settings.lighting.seed)
     kind = options.kind(settings.lighting.seed)
-    if settings.metrics.history == "both" or (settings.metrics.stereo and kind.files is not None):
-        what = f"methods have no history {settings.metrics.history}" + " in files" * (kind.files is not None)
-        raise SettingsError(what, hint="give --history frame, or eye for a rendered scene", setting="history")
+    if settings.metrics.history != "frame" and kind.files is not None:
+        what = f"methods have no history {settings.metrics.history} in files"
+        raise SettingsError(what, hint="give --history frame, or a rendered scene", setting="history")
     if kind.files is not None:
         if not isinstance(scene, Scene):
             scene = load_scene(scene, **settings.sequence.reading)
-        camera = camera or camera_of_run(scene, settings.sequence)
+        camera = camera or camera_of_run(scene, settings.sequence, settings.metrics.unit_scale)
         settings, reasons = as_rendered(settings), {}
     else:
         # Images need their exposure whatever the columns.
@@ -297,6 +300,7 @@ class _MethodRun:
         default_factory=lambda: {"title": None, "cite": [], "yardstick": None, "settings": None, "memory_bytes": None}
     )
     runner: MethodRunner | RecordedRunner | None = None
+    eye: MethodRunner | None = None  # of the other eye, of a method that asks for both histories
     samples: SampleRecord | None = None  # of a method that samples lights
 
     @contextmanager
@@ -323,6 +327,8 @@ class _MethodRun:
         gpu, size, method = inputs.gpu, inputs.output_size, self.method
         if isinstance(self.runner, MethodRunner):
             self.runner.reset()
+            if self.eye is not None:
+                self.eye.reset()
             return
         if isinstance(method, RecordedFrames):
             self.release()
@@ -333,22 +339,31 @@ class _MethodRun:
             self.runner = MethodRunner(
                 gpu, method, size, values, input_size=inputs.size, timer=timer, count=method.own_light
             )
+            if self.asks_for_eye and inputs.settings.metrics.history == "both":
+                self.eye = MethodRunner(gpu, method, size, values, input_size=inputs.size)
             if method.own_light and size == inputs.size:
                 exposure = inputs.settings.lighting.exposure_factor
                 self.samples = self.samples or SampleRecord(self.record.warmup, exposure)
         self.entry |= {"settings": dict(self.runner.values), "memory_bytes": self.runner.bytes}
 
-    def step(self, inputs: FrameInputs) -> _Stepped:
-        """Run the method for one frame.  Raises MethodError."""
+    @property
+    def asks_for_eye(self) -> bool:
+        return isinstance(self.method, Method) and bool({*EYE_INPUTS} & {*self.method.reads})
+
+    def step(self, inputs: FrameInputs, eye: FrameInputs | None = None) -> _Stepped:
+        """Run the method for one frame, first in the other eye where it asks for it.  Raises MethodError."""
+        if self.eye is not None and eye is not None:
+            inputs = replace(inputs, textures={**inputs.textures, "eye_result": self.eye.step(eye)})
         result = read_result(self.runner.step(inputs))
         counts = None if self.samples is None else self.runner.light_counts()
         return _Stepped(result, self.runner.reported(inputs), counts)
 
     def release(self) -> None:
         """Free the runner, after which the method takes no part in later frames."""
-        if self.runner is not None:
-            self.runner.release()
-            self.runner = None
+        for runner in (self.runner, self.eye):
+            if runner is not None:
+                runner.release()
+        self.runner = self.eye = None
 
 
 class _Evaluator:
@@ -375,6 +390,8 @@ class _Evaluator:
         perceptual = open_perceptual(request.metrics, inputs.settings.sequence.fps)
         records = (MethodRecord(s.label, frozenset(request.metrics), True, request.warmup, perceptual) for s in specs)
         self.runs = [_MethodRun(spec, record) for spec, record in zip(specs, records, strict=True)]
+        for run in self.runs if request.seeds > 1 else ():
+            run.record.parts.most_bytes = KEPT_REFERENCE_BYTES // len(self.runs)
         for run in self.runs:
             with run.isolated():
                 run.load()
@@ -396,6 +413,7 @@ class _Evaluator:
             self._reference = owner.own(SupersampledReference(of_camera, request.reference_samples))
         else:
             self._reference = FileReference(inputs, request.reference, self._inputs.output_size, self.frames)
+        self._events = EventTracker({} if inputs.scene is None else self._light_changes())
         for run in self.runs:
             owner.own(run)
         self._open_runners(self.seeds[0])
@@ -424,6 +442,12 @@ class _Evaluator:
             message = f"warmup is {self._request.warmup}, and there are {len(self.frames)} frames"
             raise SettingsError(message, hint="select more --frames or a smaller --warmup")
 
+    def _light_changes(self) -> dict[str, list[int]]:
+        """Numbers of lights that are born, moved and killed from each frame to the next."""
+        request = self._input_request
+        times = (frame / self._settings.sequence.fps for frame in self.frames)
+        return census(request.scene, times, request.animated.poser)["lights_per_frame"]
+
     def _open_inputs(self) -> None:
         request = self._input_request
         method_reads = {name for run in self.runs if isinstance(run.method, Method) for name in run.method.reads}
@@ -433,7 +457,12 @@ class _Evaluator:
         else:
             exact = self._reference if request.kind.path_samples else True
             inputs = RasterInputs(request, reads, cuts=cuts, exact=exact)
-        self._inputs = self._owner.own(inputs)
+        self._inputs, self._eye = self._owner.own(inputs), None
+        if self._settings.metrics.history == "both":
+            if not any(run.asks_for_eye for run in self.runs):
+                what = "no method reads eye_motion, eye_mask or eye_result"
+                raise SettingsError(what, hint="give --history frame or eye", setting="history")
+            self._eye = self._owner.own(OtherEye(inputs, cuts))
         self.frames = inputs.frames
         width, height = inputs.output_size
         kept = _EXACT_BYTES * width * height * len(self.frames)
@@ -458,8 +487,11 @@ class _Evaluator:
         for repetition, seed in enumerate(self.seeds):
             if repetition:
                 self._inputs.begin(seed)
+                if self._eye is not None:
+                    self._eye.begin()
                 self._open_runners(seed)
             previous: Displayed | None = None
+            self._events.begin()
             for run in self.runs:
                 run.record.begin(seed)
                 if run.samples is not None:
@@ -486,19 +518,24 @@ class _Evaluator:
         """
         if self._inputs.stereo:
             self._step_all(self._inputs.advance_eye(frame), turn)
+        eye = None if self._eye is None else self._eye.advance(frame)
         inputs = self._inputs.advance(frame)
+        if eye is not None:
+            inputs = self._eye.beside(inputs, eye)
         shading = self._inputs.shading_ms()
         if shading is not None and turn:
             self._shading.append(shading)
         reference = self._frame_reference(frame, inputs, previous, repetition)
-        outputs = self._step_all(self._with_reference(inputs, reference), turn)
+        outputs = self._step_all(self._with_reference(inputs, reference), turn, eye)
         curve, radiance = self._settings.lighting.tone_map, read_result(inputs.textures["radiance"])
         images, errors, rows, maps, linear = {}, {}, {}, {}, {"input": radiance[..., :3]}
         for run in self.running:
             label, result = run.spec.label, outputs[run.spec.label].result
-            blended = Blended.of(radiance, outputs[label].reported)
+            blended, of_eye = (
+                Blended.of(radiance, outputs[label].reported, name) for name in ("reprojected_history", "eye_history")
+            )
             maps |= self._samples(run, inputs, outputs[label], reference)
-            images[label], errors[label] = run.record.add(reference, result, curve, run.runner.time_ms, blended)
+            images[label], errors[label] = run.record.add(reference, result, curve, run.runner.time_ms, blended, of_eye)
             rows[label], linear[label] = run.record.rows[-1], result[..., :3]
         shown = display(np.nan_to_num(_nearest(radiance[..., :3], self._inputs.output_size)), curve)
         return EvaluatedFrame(
@@ -549,6 +586,7 @@ class _Evaluator:
         reference = FrameTruth(
             frame, image, previous, mask, classes, motion, self._gain, emitters=known.emitters, halves=halves
         )
+        reference = replace(reference, events=self._events.advance(mask, motion, reference.scored))
         if halves is not None and not repetition:
             self._noise.append(half_noise(*halves, self._settings.lighting.tone_map, reference.scored))
         return reference
@@ -569,13 +607,14 @@ class _Evaluator:
         write_channel(self._reference_texture, REFERENCE_INPUT, image)
         return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
 
-    def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, _Stepped]:
-        """Run all methods for one frame, by label.  The order rotates by one method per frame."""
+    def _step_all(self, inputs: FrameInputs, turn: int, eye: FrameInputs | None = None) -> dict[str, _Stepped]:
+        """Run all methods for one frame, by label.  The order rotates by one method per frame.  ``eye``: the other
+        eye, for methods that ask for both histories."""
         runs, out = self.running, {}
         shift = turn % len(runs)
         for run in runs[shift:] + runs[:shift]:
             with run.isolated():
-                out[run.spec.label] = run.step(inputs)
+                out[run.spec.label] = run.step(inputs, eye)
         return out
 
     @property
@@ -611,8 +650,9 @@ class _Evaluator:
             | {"noise_mse": self.noise, "noise_db": self.noise and {n: psnr(v) for n, v in self.noise.items()}},
             "white": WHITE,
             "mask_source": self._mask_source,
-            "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
+            "measures": {name: {"unit": m.unit, "better": m.better, "doc": m.doc} for name, m in MEASURES.items()},
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
+            "events": {name: doc for name, (*_, doc) in EVENTS.items()},
             "clock": clock,
             "methods": {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs},
         } | self._sample_reasons()  # fmt: skip

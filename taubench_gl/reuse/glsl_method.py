@@ -173,13 +173,14 @@ def _conveniences(method: Method, info: PassInfo, pixel: str, step: str) -> list
     ``pixel``: the input pixel of pixel ``p`` of the pass; ``step``: factor from input pixels to pixels of the pass.
     """
     lines: list[str] = []
-    for name, bits in (("mask", _REJECT), ("exact_mask", _REJECT | _CHANGED)):
+    masks = {"mask": ("", _REJECT), "exact_mask": ("_exact", _REJECT | _CHANGED), "eye_mask": ("_eye", _REJECT)}
+    for name, (suffix, bits) in masks.items():
         if name in info.reads:
-            suffix = "" if name == "mask" else "_exact"
-            lines.append(f"bool reusable{suffix}(ivec2 p) {{ return frame.has_history == 1u && "
-                         f"(fetch_{name}({pixel}) & {bits}u) == 0u; }}")  # fmt: skip
-    if "motion" in info.reads:
-        lines.append(f"vec2 previous_px(ivec2 p) {{ return vec2(p) + fetch_motion({pixel}){step}; }}")
+            there = "" if suffix == "_eye" else "frame.has_history == 1u && "
+            lines.append(f"bool reusable{suffix}(ivec2 p) {{ return {there}(fetch_{name}({pixel}) & {bits}u) == 0u; }}")
+    for name, function in (("motion", "previous_px"), ("eye_motion", "eye_px")):
+        if name in info.reads:
+            lines.append(f"vec2 {function}(ivec2 p) {{ return vec2(p) + fetch_{name}({pixel}){step}; }}")
     if "position" in info.reads:
         lines += _NEAREST_SURFACE.replace("SIZE", "frame.size.zw" if method.upscales else "frame.size.xy").splitlines()
     if "material" in info.reads:

@@ -16,6 +16,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
+from taubench_gl.animation.eyes import other_eye
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
@@ -23,7 +24,9 @@ from taubench_gl.effects.decide import decide
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import frame_range
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.evaluation.pairs import ChannelPair
 from taubench_gl.features import COLUMNS
+from taubench_gl.frame.passes.masks import ComparedSource
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import OTHER_EYE, RasterSource, Source
 from taubench_gl.frame.spec import AnimatedScene
@@ -35,7 +38,7 @@ from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.metrics.shading_rate import cycle
 from taubench_gl.reuse.contract import LIGHTS
 from taubench_gl.reuse.derived import NEEDS, ComposePass, SurfacePass, channels_for, with_needs
-from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, read_result, texture_bytes
+from taubench_gl.reuse.frame import EYE_INPUTS, FAR_AWAY_PX, FrameInputs, read_result, texture_bytes
 from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.reuse.reshade import CHANNELS_READ, RESHADED, Reshade
 from taubench_gl.reuse.scene_light import CHANNELS as LIGHT_CHANNELS
@@ -77,7 +80,7 @@ class FrameRequest:
 
 def missing_inputs(kind: InputKind, *, traced: bool) -> dict[str, str]:
     """Input that frames of ``kind`` do not have -> why.  ``traced``: their light is path-traced."""
-    out = {}
+    out = dict.fromkeys(EYE_INPUTS, "only rendered frames with both histories have the other eye (--history both)")
     if not (kind.noisy or kind.path_samples) or kind.rate != "full":
         why = "only noisy and path-traced light is shaded again, where every pixel is shaded"
         out |= dict.fromkeys(RESHADED, why)
@@ -286,7 +289,7 @@ class RasterInputs(Inputs):
         self.timer = PassTimer(request.gpu)
         self._reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
         self._samples_lights = LIGHTS in self.reads and kind.path_samples > 0
-        self.source = self._open_source(_sample_offset(kind, jitter), extra)
+        self.source = self._open_source(sample_offset(kind, jitter), extra)
         needs_exact = bool(exact) or "exact_mask" in self.reads
         self.exact = None if isinstance(exact, bool) else exact
         if needs_exact and self.exact is None:
@@ -399,10 +402,55 @@ class RasterInputs(Inputs):
         return super().describe() | {"effects": source["effects"], "notes": source["notes"]}
 
 
+class OtherEye(GpuOwner):
+    """The other eye beside the frames of ``inputs``: its frames, whose history is its own last one, and where it shows
+    the surfaces of the camera.  Its random numbers are those of the seed SEED_OF_EYE further on."""
+
+    def __init__(self, inputs: RasterInputs, cuts: Collection[int]):
+        """Open the frames of the other eye.  Raises SettingsError."""
+        super().__init__(inputs.gpu)
+        request = inputs.request
+        with self.opening():
+            there = replace(
+                request, camera=other_eye(request.scene, request.camera, request.settings), kind=self._kind(inputs)
+            )
+            self._inputs, reads = inputs, inputs.reads - {*EYE_INPUTS, "exact_mask"}
+            self._there = self.own(RasterInputs(there, reads, cuts=cuts))
+            self._pair = ChannelPair(inputs.size)
+            self._masks = MaskPass(self, self._pair, inputs.settings, ())
+
+    def _kind(self, inputs: Inputs) -> InputKind:
+        return replace(inputs.kind, seed=(inputs.kind.seed + SEED_OF_EYE) % (2 * SEED_OF_EYE))
+
+    def begin(self) -> None:
+        """The next frame is the first of a sequence with the random numbers of ``inputs``."""
+        self._there.begin(self._kind(self._inputs).seed)
+
+    def advance(self, frame: int) -> FrameInputs:
+        """The inputs of the other eye in ``frame``, which has no eye before it; call it before ``beside``."""
+        eye = self._there.advance(frame)
+        return self._with_eye(eye, eye, self._there, int(Reason.FIRST))
+
+    def beside(self, frame: FrameInputs, eye: FrameInputs) -> FrameInputs:
+        """The inputs of the camera, ``frame`` of ``inputs``, with ``eye`` as a second history."""
+        return self._with_eye(frame, eye, self._inputs, 0)
+
+    def _with_eye(self, frame: FrameInputs, eye: FrameInputs, inputs: RasterInputs, declared: int) -> FrameInputs:
+        self._pair.current, self._pair.previous = dict(inputs.source.current), dict(self._there.source.current)
+        self._masks.run(reprojection(frame.view, eye.view, *inputs.size, jitter=False), declared)
+        result = eye.textures["radiance"]  # until the method has one
+        eyes = {"eye_motion": self._masks.motion, "eye_mask": self._masks.mask, "eye_result": result}
+        return replace(frame, textures={**frame.textures, **eyes})
+
+
+SEED_OF_EYE = 32768
+"""Half of all seeds."""
+
+
 class MaskPass:
     """Computes ``mask`` and ``motion`` of the current frame of a source, without jitter."""
 
-    def __init__(self, owner: GpuOwner, source: Source, settings: Settings, radiance: tuple[str, ...]):
+    def __init__(self, owner: GpuOwner, source: Source | ComparedSource, settings: Settings, radiance: tuple[str, ...]):
         """Compile the passes for frames of ``source``; ``owner`` frees them.
 
         ``radiance``: which of direct, indirect and color to compare; empty: geometry only.
@@ -437,7 +485,7 @@ class MaskPass:
         self._hazards.publish()
 
 
-def _sample_offset(kind: InputKind, jitter: Callable[..., Array]) -> Callable[[int], Array] | None:
+def sample_offset(kind: InputKind, jitter: Callable[..., Array] = halton_jitter) -> Callable[[int], Array] | None:
     """Frame -> sub-pixel offset (2,) of its samples; None: all frames are sampled at pixel centers.
 
     The offset changes when every pixel was shaded once.  The cycle of the rate divides Halton's period: with an offset

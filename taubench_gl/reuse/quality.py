@@ -9,12 +9,14 @@ from __future__ import annotations
 import importlib
 import math
 import os
-from dataclasses import dataclass
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+from msgspec import Struct
 
 from taubench_gl.conventions import NOT_COMPARABLE
+from taubench_gl.data_files import read_toml
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.exposure import metered_exposure
@@ -51,12 +53,10 @@ DISCARDS = int(NOT_COMPARABLE) | sum(int(bit) for bit in FEATURE_BIT.values())
 """Bits of the exact mask: with any of them, the history of a pixel is invalid."""
 
 
-@dataclass(frozen=True, slots=True)
-class Measure:
+class Measure(Struct, frozen=True, forbid_unknown_fields=True):
     """One number of a frame.  ``better``: higher or lower; ``digits`` after the point in tables; ``metric``: the name
     of option_groups.METRICS that requests it, empty: always computed."""
 
-    name: str
     unit: str
     better: str
     digits: int
@@ -64,48 +64,8 @@ class Measure:
     metric: str = ""
 
 
-MEASURES: dict[str, Measure] = {
-    m.name: m
-    for m in (
-        Measure("psnr_db", "dB", "higher", 2, "10 log10(1 / MSE) of display colors; over frames: of the mean MSE"),
-        Measure("ssim", "", "higher", 4, "mean structural similarity of display colors (Wang et al. 2004)", "ssim"),
-        Measure("flip", "", "lower", 4, "mean LDR-FLIP of display colors, 67 pixels per degree (Andersson 2020)",
-                "flip"),
-        Measure("relmse", "", "lower", 5, "mean of (image - reference)^2 / (reference^2 + 0.01), linear radiance"),
-        Measure(
-            "tpsnr_db", "dB", "higher", 2, "PSNR of the change from frame to frame against that of the reference",
-            "tpsnr",
-        ),
-        Measure(
-            "flicker", "", "lower", 5, "mean |change along motion - that of the reference| where history is valid",
-            "flicker",
-        ),
-        Measure("linear_mse", "", "lower", 6, "mean of (image - reference)^2, linear radiance; with the two halves a, "
-                "b of a path-traced reference of (image - a)(image - b), which has no noise of the reference in it"),
-        Measure(
-            "relmse_trimmed", "", "lower", 5, "relMSE at the exposure that meters the first reference to 0.18, without "
-            "the 0.1 % of pixels with the largest errors",
-        ),
-        Measure("clipped_mse", "", "lower", 6, f"mean of (image - reference)^2, both clipped at {WHITE:g} times white"),
-        Measure("clipped_relmse", "", "lower", 5, f"relMSE, image and reference clipped at {WHITE:g} times white"),
-        *(
-            Measure(f"flip_p{p}", "", "lower", 4, f"percentile {p} over pixels of LDR-FLIP", "flip")
-            for p in FLIP_PERCENTILES
-        ),
-        Measure(
-            "warp_error", "", "lower", 6, "mean squared change along motion where history is valid (Lai et al. 2018)",
-            "warp_error",
-        ),
-        Measure("hdr_flip", "", "lower", 4, "mean HDR-FLIP of linear radiance (Andersson 2021)", "hdr_flip"),
-        Measure("lpips", "", "lower", 4, "LPIPS of display colors, AlexNet (Zhang et al. 2018)", "lpips"),
-        Measure(
-            "cvvdp_jod", "JOD", "higher", 3,
-            "ColorVideoVDP of the sequence (Mantiuk et al. 2024), blind to overall brightness; 10: no difference",
-            "cvvdp",
-        ),
-    )
-}  # fmt: skip
-
+MEASURES = read_toml(Path(__file__).with_name("measures.toml"), dict[str, Measure])
+"""The numbers of a frame by name, in the order of tables."""
 
 ROBUST = {"linear_mse": "clipped_mse", "relmse": "clipped_relmse"}
 """Measure of unbounded radiance -> the same of clipped radiance, which rankings use instead."""

@@ -26,15 +26,19 @@ from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.environment import lookup
-from taubench_gl.pathtraced.references import FEWEST, Estimate, References
+from taubench_gl.pathtraced.references import FEWEST, Accumulated, Estimate, References
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.reuse.derived import ComposePass
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.inputs import FrameRequest, light_settings
+from taubench_gl.reuse.quality import half_noise
 
 Array = np.ndarray
 MAX_SAMPLES = 256
 """Limit on the samples per pixel of ``SupersampledReference``."""
+
+QUIET_DB = 35.0
+"""PSNR of the noise of a reference, from which on its samples are not fitted to the time that is left."""
 
 FITTED = "path-traced"
 """The path-traced reference with the samples that fit a time."""
@@ -160,7 +164,15 @@ class PathTracedReference(GpuOwner):
 
     def prepare(self, frames: range, seconds: float | None) -> Estimate:
         """The time that ``frames`` will take; with ``seconds``, first choose the samples that fit it."""
-        return self.references.estimate(frames) if seconds is None else self.references.fit(frames, seconds)
+        references = self.references
+        return references.estimate(frames) if seconds is None else references.fit(frames, seconds, self._enough)
+
+    def _enough(self, sums: Accumulated) -> float:
+        """Samples with which the noise that a display shows is QUIET_DB below its range, by ``sums`` of fewer."""
+        light = self._settings.lighting
+        first, second = sums.halves() * light.exposure_factor
+        error = half_noise(first, second, light.tone_map, np.full(first.shape[:2], True))["psnr_db"]
+        return sums.samples * error * 10.0 ** (QUIET_DB / 10.0)
 
     def advance(self, frame: int) -> View:
         view = self._source.advance(frame)

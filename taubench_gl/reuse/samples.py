@@ -1,4 +1,4 @@
-"""Scores of methods that sample lights: which history they keep, what their reservoirs share, bias and variance.
+"""Scores of methods that sample lights: which history they keep, what their reservoirs share, bias.
 
 docs/reuse-evaluation.md defines every number; ``sample_rays`` traces what they are counted from.
 """
@@ -28,9 +28,6 @@ REACH = 2
 
 BORN_SHARE = 0.25
 """Share of the light of a pixel from which a born light counts as one that it should find."""
-
-MAX_KEPT_BYTES = 1 << 31
-"""Sums of every pixel and frame, for the variance over seeds, are kept up to this size."""
 
 
 def history_counts(frame: SampleFrame, mask: Array) -> Array:
@@ -118,7 +115,6 @@ class SampleRecord:
     _born: int = 0
     _bias: list[list[float]] = field(default_factory=list)  # by seed and frame, mean error of luminance
     _reference: list[float] = field(default_factory=list)  # mean luminance of the reference, by frame
-    _sums: dict[int, list[Array]] = field(default_factory=dict)  # by frame: sums over seeds of luminance and its square
     _before: tuple[Array, Array] | None = None  # error of the frame before, and where it counts
     _search: _Search | None = None
     _index: int = 0
@@ -141,7 +137,9 @@ class SampleRecord:
         if counted:
             self._reservoirs(frame, reference.mask)
             self._errors(error, valid, reference.motion_px, allowed)
-            self._over_seeds(reference.frame, shown, error, expected, valid)
+            self._bias[-1].append(float(error[valid].mean()) if valid.any() else 0.0)
+            if len(self._bias) == 1:
+                self._reference.append(float(expected[valid].mean()) if valid.any() else 0.0)
         self._before, self._index = (error, valid), self._index + 1
 
     def _look(self, frame: SampleFrame, expected: Array, motion_px: Array, allowed: Array) -> None:
@@ -170,16 +168,6 @@ class SampleRecord:
             before, was_valid = (history_of(image, motion_px) for image in self._before)
             self._frames.add(error, before, valid & was_valid & allowed)
 
-    def _over_seeds(self, number: int, shown: Array, error: Array, expected: Array, valid: Array) -> None:
-        self._bias[-1].append(float(error[valid].mean()) if valid.any() else 0.0)
-        if len(self._bias) == 1:
-            self._reference.append(float(expected[valid].mean()) if valid.any() else 0.0)
-        bytes_kept = 2 * shown.nbytes * (len(self._sums) + 1)
-        if number in self._sums or (len(self._bias) == 1 and bytes_kept <= MAX_KEPT_BYTES):
-            sums = self._sums.setdefault(number, [np.zeros(shown.shape), np.zeros(shown.shape)])
-            sums[0] += shown
-            sums[1] += shown**2
-
     def summary(self) -> dict[str, Any]:
         """The block ``samples`` of a method in reuse.json; None: not measured."""
         rows = dict(zip(REASONS, self.history, strict=True)) | {"all": self.history.sum(axis=0)}
@@ -198,7 +186,6 @@ class SampleRecord:
                 "frames": float(np.mean(self._found)) if self._found else None,
             },
             "bias": self._bias_block(),
-            "variance": self._variance(),
         }
 
     def _bias_block(self) -> dict[str, Any] | None:
@@ -217,13 +204,6 @@ class SampleRecord:
             "brighter_seeds": positive,
             "sign_test_p": sign_test(positive, negative),
         }
-
-    def _variance(self) -> float | None:
-        """Mean over pixels and frames of the variance of luminance over seeds."""
-        n = len(self._bias)
-        if n < 2 or not self._sums:
-            return None
-        return float(np.mean([np.mean((squares - total**2 / n) / (n - 1)) for total, squares in self._sums.values()]))
 
 
 def _shares(row: Sequence[int]) -> dict[str, Any]:

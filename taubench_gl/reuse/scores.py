@@ -12,7 +12,9 @@ import numpy as np
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.bound import EXACT, NO_HISTORY, Blended, BoundRecord, bound_of_frame
+from taubench_gl.reuse.comparison import over_frames
 from taubench_gl.reuse.perceptual import LPIPS_SIDE, Perceptual, to_8_bit
+from taubench_gl.reuse.response import ResponseRecord
 
 Array = np.ndarray
 
@@ -85,6 +87,44 @@ class ClassErrors:
         return out
 
 
+@dataclass(slots=True)
+class ErrorParts:
+    """Squared error of linear radiance, of every counted frame, apart: variance over seeds, and squared bias.
+
+    ``most_bytes``: of the sums of images that are kept; frames beyond it are left out.
+    """
+
+    most_bytes: int = 0
+    _errors: dict[int, Array] = field(default_factory=dict)  # by frame: sum over seeds of the error of every pixel
+    _squares: dict[int, list[tuple[float, float]]] = field(default_factory=dict)  # and of each seed the mean squares
+
+    def add(self, frame: int, error: Array, linear_mse: float) -> None:
+        """Add the next seed of a frame: ``error`` (n, 3) of its pixels, and ``linear_mse`` without the noise of the
+        reference."""
+        if frame not in self._errors:
+            if (len(self._errors) + 1) * error.nbytes > self.most_bytes:
+                return
+            self._errors[frame], self._squares[frame] = np.zeros_like(error), []
+        self._errors[frame] += error
+        self._squares[frame].append((linear_mse, float(np.mean(error**2, dtype=np.float64))))
+
+    def summary(self) -> dict[str, Any] | None:
+        """The block ``error_parts`` of reuse.json, intervals over frames; None for one seed."""
+        table = []
+        for frame, squares in self._squares.items():
+            if (n := len(squares)) > 1:
+                mse, square = np.mean(squares, axis=0)
+                mean_square = float(np.mean((self._errors[frame] / n) ** 2, dtype=np.float64))
+                table.append((mse, (square - mean_square) * n / (n - 1)))
+        if not table:
+            return None
+        out: dict[str, Any] = {"frames": len(table)}
+        for name, part in (("variance", lambda m: m[..., 1]), ("bias_squared", lambda m: m[..., 0] - m[..., 1])):
+            ends = over_frames(np.array(table), part, part(np.array(table)))
+            out[name] = {"mean": float(part(np.mean(table, axis=0))), "low": ends["low"], "high": ends["high"]}
+        return out
+
+
 @dataclass(frozen=True, slots=True)
 class Displayed:
     """One image: linear radiance and display colors, (h, w, 3), finite."""
@@ -120,6 +160,7 @@ class FrameTruth:
     gain: float | None = 1.0  # of ``relmse_trimmed``, one for the evaluation; None: the first reference is black
     emitters: Array | None = None  # (h, w) bool: the visible surface emits; None: none does, or it is not known
     halves: tuple[Array, Array] | None = None  # (h, w, 3) linear radiance of two independent halves of the reference
+    events: Array | None = None  # (h, w) int of ``EventTracker``
 
     @cached_property
     def scored(self) -> Array:
@@ -147,6 +188,9 @@ class MethodRecord:
     counted: list[dict[str, Any]] = field(default_factory=list)  # the rows that means are over
     classes: ClassErrors = field(default_factory=ClassErrors)
     bounds: BoundRecord = field(default_factory=BoundRecord)
+    eye_bounds: BoundRecord = field(default_factory=BoundRecord)
+    responses: ResponseRecord = field(default_factory=ResponseRecord)
+    parts: ErrorParts = field(default_factory=ErrorParts)
     failed: str | None = None
     _seed: int = 0
     _index: int = 0
@@ -163,6 +207,7 @@ class MethodRecord:
 
     def end(self) -> None:
         """The sequence of a seed is complete: measures of whole sequences go into all its counted rows."""
+        self.responses.end()
         if self.perceptual.cvvdp is None or not self._video:
             return
         test, reference = (np.stack(images) for images in zip(*self._video, strict=True))
@@ -181,8 +226,10 @@ class MethodRecord:
         curve: str,
         time_ms: float | None,
         blended: Blended | None = None,
+        of_eye: Blended | None = None,
     ) -> tuple[Array, Array]:
-        """Evaluate one frame.  ``result`` (h, w, 4): radiance and weight of history; ``blended``: what it blended.
+        """Evaluate one frame.  ``result`` (h, w, 4): radiance and weight of history; ``blended``: what it blended;
+        ``of_eye``: with the other eye.
 
         -> display colors (h, w, 3) and an error map (h, w) in [0, 1]: FLIP, or without it 4 |error|.
         """
@@ -195,6 +242,8 @@ class MethodRecord:
         if reference.halves is not None:
             first, second = (np.where(valid[..., None], half, 0.0) for half in reference.halves)
             errors["linear_mse"] = quality.independent_squared_error(shown.radiance, first, second)
+        if reference.events is not None:
+            self.responses.add(reference.events, errors["linear_mse"])
         counted = self._index >= self.warmup
         row: dict[str, Any] = dict.fromkeys(ROW_COLUMNS)
         row |= {"seed": self._seed, "frame": reference.frame, "method": self.label, "time_ms": time_ms}
@@ -207,6 +256,9 @@ class MethodRecord:
             row |= bound.row
             if counted:
                 self.bounds.seeds.setdefault(self._seed, []).append(bound)
+        if of_eye is not None and counted:
+            bound = bound_of_frame(of_eye, result, expected.radiance, valid, reference.emitters)
+            self.eye_bounds.seeds.setdefault(self._seed, []).append(bound)
         if self._previous is not None:  # the first frame has no history
             allowed = quality.reusable(reference.mask)
             row |= self._temporal(shown, expected, reference, allowed, counted)
@@ -214,6 +266,8 @@ class MethodRecord:
         if counted:
             if row["relmse"] is not None:  # not black against black
                 self._mse.append(float(errors["mse"].mean()))
+                error = (shown.radiance - expected.radiance)[reference.scored]
+                self.parts.add(reference.frame, error, row["linear_mse"])
                 self.classes.add(reference.classes, errors, reference.scored)
                 for name, sums in tails.items():
                     self._tails[name] = self._tails.get(name, 0.0) + np.array(sums)
@@ -296,6 +350,9 @@ class MethodRecord:
             "tail_percent": {n: 100.0 * float(s[0] / s[1]) if s[1] > 0 else None for n, s in self._tails.items()},
             "emitters": {"percent": _mean(rows, "emitter_percent"), "linear_mse": _mean(rows, "emitter_linear_mse")},
             "bound": bound,
+            "eye_bound": self.eye_bounds.summary(),
+            "response": self.responses.summary(),
+            "error_parts": self.parts.summary(),
             "classes": self.classes.summary(),
             "time_ms": statistics.median(times) if times else None,
             "invalid_pixels": sum(row["invalid_pixels"] for row in self.rows),

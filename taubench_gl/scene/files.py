@@ -35,6 +35,8 @@ MAX_TEXT_BYTES = 2**30
 """Size limit of a text file."""
 MAX_SIDE = 16384
 """Limit on the width and height of a texture."""
+ROWS_AT_ONCE = 256
+"""Rows of an image that are converted to RGBA at a time."""
 TEXT_SCENE_IMAGES = ("PNG", "JPEG", "WEBP", "PPM", "BMP", "TGA", "TIFF")
 """Image formats read for OBJ and AFF scenes."""
 
@@ -189,7 +191,11 @@ def decode_image(source: ImageSource, formats: tuple[str, ...], error: MakeError
                 else:
                     gray = (np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
                 return np.dstack([gray, gray, gray, np.full_like(gray, 255)])
-            return np.array(image.convert("RGBA"))
+            out = np.empty((image.height, image.width, 4), np.uint8)
+            for top in range(0, image.height, ROWS_AT_ONCE):  # Pillow holds what it converts three times
+                rows = image.crop((0, top, image.width, min(top + ROWS_AT_ONCE, image.height)))
+                out[top : top + ROWS_AT_ONCE] = rows.convert("RGBA")
+            return out
         except (OSError, ValueError, SyntaxError, EOFError, MemoryError) as e:
             raise error(f"image cannot be decoded: {e}", "export the texture again") from None
 

@@ -1,4 +1,4 @@
-"""Engines that need no cluster: this process, or worker processes on this machine."""
+"""Engines: what runs the units of a study, which is this process, or worker processes on this machine."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from typing import Protocol
 
 from taubench_gl.data_files import opened
-from taubench_gl.errors import OutputError
+from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.memory_budget import VARIABLE, limit
 from taubench_gl.outputs import folder_in, log_file
 from taubench_gl.study.unit import (
@@ -26,11 +27,13 @@ from taubench_gl.study.unit import (
     Failed,
     Finished,
     Lost,
-    NoGraphics,
-    Slot,
+    NoOpenGL,
     Unit,
     Worker,
 )
+
+MAX_WORKERS_PER_CORE = 32
+"""A larger number of workers is taken for a typing error: it would fill the memory before any work is done."""
 
 TAIL_BYTES = 4000
 """How much of the end of a dead worker's output becomes part of its failure."""
@@ -49,6 +52,43 @@ def worker_environment(workers: int) -> dict[str, str]:
     threads = str(max(1, available_cores() // workers))
     memory = {VARIABLE: str(max(limit() // workers, 1 << 20))}
     return dict.fromkeys(THREADS_VARIABLES, threads) | memory | dict(os.environ)
+
+
+class Engine(Protocol):
+    """Runs units on workers, which have numbers.  A context manager: ``with`` starts the workers and stops them."""
+
+    def __enter__(self) -> Engine: ...
+
+    def __exit__(self, *exc: object) -> None: ...
+
+    def describe(self) -> str:
+        """What runs the units, in one phrase for messages."""
+
+    def width(self) -> int:
+        """Number of units that run at the same time."""
+
+    def idle(self) -> dict[int, str | None]:
+        """Workers that can take a unit -> the job whose scene they have loaded."""
+
+    def submit(self, worker: int, unit: Unit) -> None:
+        """Start a unit on an idle worker."""
+
+    def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
+        """Block until there is an event; ``advanced`` gets what occurs meanwhile.  Raises NoOpenGL.
+
+        Called only while units run.
+        """
+
+
+def engine(workers: int, logs: Path) -> Engine:
+    """The engine of ``workers`` processes; of this process if it is 0.  Raises SettingsError.
+
+    ``logs``: folder for the output of worker processes.
+    """
+    most = MAX_WORKERS_PER_CORE * available_cores()
+    if not 0 <= workers <= most:
+        raise SettingsError(f"workers is {workers}", hint=f"give 0 to {most}; one per core is enough")
+    return Processes(workers, logs) if workers else InProcess()
 
 
 class InProcess:
@@ -72,10 +112,10 @@ class InProcess:
     def width(self) -> int:
         return 1
 
-    def idle(self) -> list[Slot]:
-        return [] if self._unit is not None else [Slot(0, self._last)]
+    def idle(self) -> dict[int, str | None]:
+        return {0: self._last} if self._unit is None else {}
 
-    def submit(self, slot: Slot, unit: Unit) -> None:
+    def submit(self, worker: int, unit: Unit) -> None:
         self._unit, self._last = unit, unit.job
 
     def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
@@ -127,14 +167,14 @@ class Processes:
     def width(self) -> int:
         return self._count
 
-    def idle(self) -> list[Slot]:
-        return [Slot(worker.number, worker.last_job) for worker in self._workers if worker.unit is None]
+    def idle(self) -> dict[int, str | None]:
+        return {number: process.last_job for number, process in enumerate(self._workers) if process.unit is None}
 
-    def submit(self, slot: Slot, unit: Unit) -> None:
-        worker = next(w for w in self._workers if w.number == slot.key)
-        worker.unit, worker.last_job = unit, unit.job
+    def submit(self, worker: int, unit: Unit) -> None:
+        process = self._workers[worker]
+        process.unit, process.last_job = unit, unit.job
         with contextlib.suppress(OSError):  # it is dead, which ``wait`` reports
-            worker.connection.send(unit)
+            process.connection.send(unit)
 
     def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
         busy = {worker.connection: worker for worker in self._workers if worker.unit is not None}
@@ -146,11 +186,9 @@ class Processes:
             except (EOFError, OSError):
                 events.append(self._replace(worker))
                 continue
-            if isinstance(event, NoGraphics):
-                self._workers.remove(worker)
-                worker.process.wait()
-                self._reap(worker)
-            elif isinstance(event, Finished | Failed):
+            if isinstance(event, NoOpenGL):
+                raise event
+            if isinstance(event, Finished | Failed):
                 worker.unit = None
             events.append(event)
         return events
@@ -176,7 +214,7 @@ class Processes:
         """Start another process in place of one that died; returns why it died."""
         unit, code, tail = worker.unit, worker.process.wait(), _end_of(worker.log)
         self._reap(worker)
-        self._workers[self._workers.index(worker)] = self._spawn(worker.number)
+        self._workers[worker.number] = self._spawn(worker.number)
         if code == -signal.SIGALRM and unit.limit is not None:
             return Lost(unit, f"a frame took longer than {unit.limit:g} s (--time-limit)", tail, ATTEMPTS)
         return Lost(unit, how_it_ended(code), tail)

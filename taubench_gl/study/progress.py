@@ -97,10 +97,10 @@ class Estimate:
         return self.begin + self.weight * self.seconds
 
 
-def announce(estimates: Sequence[Estimate], counted: str, workers: int | None, say: Callable[[str], None]) -> None:
+def announce(estimates: Sequence[Estimate], counted: str, workers: int, say: Callable[[str], None]) -> None:
     """Say one line per estimate, and their sum.
 
-    ``counted``: what weights count, such as pairs; ``workers``: None for this process.
+    ``counted``: what weights count, such as pairs; ``workers``: processes, 0: this process.
     """
     for each in estimates:
         reason = f" ({each.reason})" if each.reason else ""

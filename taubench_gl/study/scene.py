@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
+from dataclasses import replace
 from typing import Self
 
 from taubench_gl.animation import camera_of_run
@@ -21,13 +22,14 @@ class LoadedScene:
         """Load ``path``, any argument of ``load_scene``, as ``settings`` say.  Raises SceneError."""
         self.path = path
         scene = load_scene(path, **settings.sequence.reading)
-        self.animated = AnimatedScene(scene, camera_of_run(scene, settings.sequence), fps=settings.sequence.fps)
+        camera = camera_of_run(scene, settings.sequence, settings.metrics.unit_scale)
+        self.animated = AnimatedScene(scene, camera, fps=settings.sequence.fps)
 
     @classmethod
     def kept(cls, worker: Worker, path: str, settings: Settings, key: Hashable = None) -> Self:
         """The scene that ``worker`` has loaded; another one, or another ``key``, replaces it.  Raises SceneError."""
         sequence = settings.sequence
-        every = (cls, key, path, *sequence.reading.values(), sequence.camera, sequence.fps)
+        every = (cls, key, path, replace(sequence, frames=(None, None), width=1, height=1), settings.metrics.unit_scale)
         return worker.kept(every, lambda: cls(path, settings))
 
     def require_unchanged(self, sha256: str | None, settings: Settings, hint: str) -> None:

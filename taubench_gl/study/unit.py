@@ -1,7 +1,4 @@
-"""Units of work, workers, the events that they lead to, and the interface of engines.
-
-Units and events can be pickled.
-"""
+"""Units of work, workers, and the events that they lead to.  Units and events can be pickled."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ import signal
 import traceback
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from taubench_gl.errors import GraphicsError, TaubenchError
 
@@ -68,27 +65,18 @@ class Lost:
 
 
 @dataclass(frozen=True, slots=True)
-class NoGraphics:
-    """A worker cannot open OpenGL and gets no more units.  ``unit`` goes to another worker."""
-
-    worker: str
-    message: str
-    unit: Unit
-
-
-@dataclass(frozen=True, slots=True)
 class Advanced:
-    """A part of a unit is done, ``weight`` of its work.  Engines without this information send none."""
+    """A part of a unit is done, ``weight`` of its work."""
 
     unit: Unit
     weight: int = 1
 
 
-Event = Finished | Failed | Lost | NoGraphics | Advanced
+Event = Finished | Failed | Lost | Advanced
 
 
 class NoOpenGL(GraphicsError):
-    """This worker has no OpenGL; another worker may have it."""
+    """The workers of this machine have no OpenGL: the study ends, and what is stored is kept."""
 
 
 class Worker:
@@ -124,7 +112,7 @@ class Worker:
             self._report(Advanced(self._unit, weight))
 
     def attempt(self, unit: Unit) -> Event:
-        """Run a unit and return an event, whatever it raises except NoOpenGL: the caller knows the worker's name."""
+        """Run a unit and return an event, whatever it raises except NoOpenGL, which ends the study."""
         self._unit = unit
         self._restart_limit()
         try:
@@ -151,45 +139,3 @@ class Worker:
         details = traceback.format_exc()
         self.release()
         return Failed(unit, " ".join(message.split()), f"in {unit.name} of {unit.scene}\n\n{details}")
-
-
-@dataclass(frozen=True, slots=True)
-class Slot:
-    """A worker that can take one more unit.
-
-    ``key``: the engine's name of the worker; ``last_job``: the job whose scene it has loaded.  ``busy``: it still runs
-    a unit, so it gets another one of the same job only: other workers may become idle before it.
-    """
-
-    key: Any
-    last_job: str | None = None
-    busy: bool = False
-
-
-class Engine(Protocol):
-    """Runs units: in this process, in worker processes or on a Dask cluster.
-
-    A context manager: ``with`` starts the workers and always stops them.
-    """
-
-    def __enter__(self) -> Engine: ...
-
-    def __exit__(self, *exc: object) -> None: ...
-
-    def describe(self) -> str:
-        """What runs the units, in one phrase for messages."""
-
-    def width(self) -> int:
-        """Approximate number of units that run at the same time."""
-
-    def idle(self) -> list[Slot]:
-        """Workers that can take a unit.  Empty while nothing is in flight: no worker is left."""
-
-    def submit(self, slot: Slot, unit: Unit) -> None:
-        """Start a unit on the worker of ``slot``."""
-
-    def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
-        """Block until there is an event.  Called only while units are in flight.
-
-        ``advanced`` gets the events that occur while this call blocks.
-        """

@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.settings import Settings
-from taubench_gl.study.unit import NoGraphics, NoOpenGL, Worker
+from taubench_gl.study.unit import NoOpenGL, Worker
 
 
 def open_context(settings: Settings) -> Gpu:
@@ -48,7 +48,7 @@ def main(arguments: list[str]) -> None:
         try:
             event = worker.attempt(unit)
         except NoOpenGL as error:
-            connection.send(NoGraphics(f"worker process {os.getpid()}", str(error), unit))
+            connection.send(error)
             return
         connection.send(event)
 

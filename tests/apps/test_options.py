@@ -260,10 +260,15 @@ def test_a_declaration_reads_what_people_and_programs_write():
     assert caught.value.setting == "needed" and caught.value.hint == "give 2 or more"
 
 
-def options_with_text() -> list[tuple[str, Option]]:
-    """Every option of every command that takes a value, with the command's name."""
-    made = [(m.name or "", p) for m in members(cli) for p in m.params if isinstance(p, Option) and not p.switch]
-    return made
+def options_with_text() -> dict[str, Option]:
+    """Flag, and the command where another option has that flag -> every different option that takes a value."""
+    found: dict[str, Option] = {}
+    for member in members(cli):
+        for option in (p for p in member.params if isinstance(p, Option) and not p.switch):
+            flag = option.opts[0]
+            if flag not in found or found[flag].field != option.field:
+                found[f"{member.name}{flag}" if flag in found else flag] = option
+    return found
 
 
 HOSTILE = (
@@ -273,9 +278,7 @@ HOSTILE = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "option", [option for _, option in options_with_text()], ids=[f"{n}{o.opts[0]}" for n, o in options_with_text()]
-)
+@pytest.mark.parametrize("option", options_with_text().values(), ids=options_with_text())
 def test_every_option_is_read_from_text(option):
     """A text is a value of the declared type, or a usage error; its default is a value."""
     field = option.field

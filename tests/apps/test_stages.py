@@ -80,6 +80,12 @@ def test_work_that_goes_on_is_a_line_again_until_it_ends(logged, monkeypatch):
         timer.fire()
 
     logger.setLevel(logging.DEBUG)
+    with lasting(logger, "decoding %d images", 4) as advance:
+        fire()
+        advance(0.25)
+        fire()  # 11 seconds after it began
+        assert said.pop() == "decoding 4 images ... 11 s, about 33 s left" and said.pop() == "decoding 4 images ..."
+    handler.begin()
     with lasting(logger, "reading %s", "a.glb"):
         for _ in range(3):
             fire()
@@ -89,7 +95,7 @@ def test_work_that_goes_on_is_a_line_again_until_it_ends(logged, monkeypatch):
     logger.info("metering")  # at once: nothing was said for long
     logger.debug("a detail")  # no stage
     fire()
-    assert said[3:] == ["metering ..."] and len(LaterTimer.started) == 4
+    assert said[3:] == ["metering ..."] and len(LaterTimer.started) == 7
 
 
 @pytest.mark.parametrize(("bar", "name"), [(ProgressBar("a.glb"), "a.glb"), (StudyScreen(), "all pairs")])
@@ -97,9 +103,13 @@ def test_a_bar_has_the_text_of_the_stage(logged, monkeypatch, bar, name):
     shown = []
     monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(bar, "set_bar", lambda *values, **more: shown.append(values))
+    logged[1].setLevel(logging.DEBUG)
     with bar:
         logged[1].info("metering the exposure in %d frames", 9)
-    assert shown[-1] == (name, 0, None, "metering the exposure in 9 frames") and logged[2] == []
+        assert shown[-1] == (name, 0, None, "metering the exposure in 9 frames")
+        with lasting(logged[1], "decoding") as advance:
+            advance(0.25)
+    assert shown[-1] == (name, 0, None, "decoding, 25%") and logged[2] == []
 
 
 @pytest.mark.parametrize(

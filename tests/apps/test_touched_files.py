@@ -74,7 +74,7 @@ def test_batch_evaluates_a_changed_scene_again(taubench, tmp_path, suffix):
 def test_cost_does_not_continue_with_a_changed_scene(taubench, tmp_path, monkeypatch):
     scene = demo_with_texture(tmp_path, ".glb")
     command = ["cost", scene, "--out", tmp_path / "study", "--size", "8x5", "--frames", "0:2", "--repeats", "1"]
-    command += ["--columns", "direct", "--truth-within", "9", "--longest", "1", *FIXED]
+    command += ["--columns", "direct", "--truth-within", "9", "--time", "1", *FIXED]
     for name, few in {"PREVIEWS": ({},), "SAMPLES": (1,), "WITHIN": (50.0,)}.items():
         monkeypatch.setattr(configurations, name, few)
     code, _, err = taubench(*command)

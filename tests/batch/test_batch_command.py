@@ -14,8 +14,6 @@ from taubench_gl.batch.study import batch_status, run_batch
 from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.scene import load_scene
 from taubench_gl.study import engines
-from taubench_gl.study.cluster import DaskCluster
-from taubench_gl.study.driver import make_engine
 
 
 @pytest.fixture
@@ -36,24 +34,12 @@ def test_invalid_spec_writes_nothing(tmp_path, refused):
     assert "gone.glb" in line and "fps" in line and not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"engine": "slurm"}, {"engine": "dask"}, {"workers": 0}, {"workers": 100000}, {"chunk": 0},
-        {"engine": "dask://host:1", "workers": 2}, {"engine": "dask://not a host"},
-    ],
-    ids=lambda options: "-".join(map(str, options.values())),
-)  # fmt: skip
-def test_invalid_engines_are_refused_before_anything_is_written(tmp_path, options):
+@pytest.mark.parametrize("options", [{"workers": -1}, {"workers": 100000}, {"chunk": 0}], ids=str)
+def test_invalid_numbers_are_refused_before_anything_is_written(tmp_path, options):
     spec = spec_of(tmp_path, f'scenes = ["{DEMO}"]\n{SMALL}')
     with pytest.raises(TaubenchError) as caught:
         run_batch(spec, tmp_path / "out", **options)
     assert caught.value.hint and not (tmp_path / "out" / "study.json").exists()
-
-
-def test_engine_names(tmp_path):
-    assert make_engine("dask://a:1", None, tmp_path)._address == "tcp://a:1"
-    assert isinstance(make_engine("dask-local", 3, tmp_path), DaskCluster)
 
 
 @pytest.mark.parametrize("command", ["status", "resume", "report"])

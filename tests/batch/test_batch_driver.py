@@ -1,4 +1,4 @@
-"""The driver with a scripted engine: workers that die, units that fail, workers without OpenGL.  Needs no OpenGL."""
+"""The driver with a scripted engine: workers that die, units that fail.  Needs no OpenGL."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from taubench_gl.batch.spec import Job
 from taubench_gl.batch.study import BatchStudy, about_batch, batch_store
 from taubench_gl.batch.units import HeadUnit, PairsUnit, counts_of_record, pair_record, pairs_unit
 from taubench_gl.conventions import HISTOGRAM_BINS, Reason
-from taubench_gl.errors import GraphicsError, SceneError
+from taubench_gl.errors import SceneError
 from taubench_gl.features import COLUMNS, FEATURES, MASK_WORDS
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.study.driver import Driver
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.store import json_bytes
-from taubench_gl.study.unit import ATTEMPTS, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit, Worker
+from taubench_gl.study.unit import ATTEMPTS, Event, Failed, Finished, Lost, Unit, Worker
 
 PIXELS = 40  # 8x5
 FRAMES = 20
@@ -59,27 +59,24 @@ class Scripted:
     """``slots`` workers.  ``script(worker, unit)`` may return an event; otherwise the unit is finished."""
 
     def __init__(self, slots: int, script: Callable[[int, Unit], Event | None] = lambda worker, unit: None):
-        self.script, self.in_flight, self.alive = script, {}, list(range(slots))
+        self.script, self.in_flight, self.slots = script, {}, slots
         self.seen: list[tuple[int, Unit]] = []
         self.last: dict[int, str] = {}
 
     def width(self) -> int:
-        return max(len(self.alive), 1)
+        return self.slots
 
-    def idle(self) -> list[Slot]:
-        return [Slot(w, self.last.get(w)) for w in self.alive if w not in self.in_flight]
+    def idle(self) -> dict[int, str | None]:
+        return {w: self.last.get(w) for w in range(self.slots) if w not in self.in_flight}
 
-    def submit(self, slot: Slot, unit: Unit) -> None:
-        assert slot.key not in self.in_flight
-        self.in_flight[slot.key], self.last[slot.key] = unit, unit.job
-        self.seen.append((slot.key, unit))
+    def submit(self, worker: int, unit: Unit) -> None:
+        assert worker not in self.in_flight
+        self.in_flight[worker], self.last[worker] = unit, unit.job
+        self.seen.append((worker, unit))
 
     def wait(self, advanced) -> list[Event]:
         worker, unit = self.in_flight.popitem()
-        event = self.script(worker, unit) or Finished(unit, answer(unit))
-        if isinstance(event, NoGraphics):
-            self.alive.remove(worker)
-        return [event]
+        return [self.script(worker, unit) or Finished(unit, answer(unit))]
 
 
 class Recorder(Listener):
@@ -180,20 +177,6 @@ def test_a_failing_scene_fails_alone_and_is_repeated_in_the_next_run(drive, spec
     outcome, store = drive(engine)
     assert outcome.failed == {} and {unit.job for _, unit in engine.seen} == {bad}
     assert store.failure(bad) is None
-
-
-def test_a_worker_without_opengl_is_reported_once(drive):
-    recorder = Recorder()
-    engine = Scripted(3, lambda w, unit: NoGraphics("worker 2", "no context", unit) if w == 2 else None)
-    outcome, _ = drive(engine, listener=recorder)
-    assert outcome.summary["done"] == 2
-    (line,) = (line for line in recorder.lines if "OpenGL" in line)
-    assert "worker 2" in line and "no context" in line
-
-
-def test_no_worker_with_opengl_is_an_error(drive):
-    with pytest.raises(GraphicsError, match="no context"):
-        drive(Scripted(2, lambda w, unit: NoGraphics(f"worker {w}", "no context", unit)))
 
 
 def test_pairs_of_a_damaged_partition_are_counted_again(drive, spec):

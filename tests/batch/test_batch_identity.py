@@ -20,6 +20,7 @@ from taubench_gl.evaluation import evaluate_scene, sampled_light
 from taubench_gl.evaluation.sampled_light import RoundSizes
 from taubench_gl.run import load_run
 from taubench_gl.run_schema import FRAME_COLUMNS
+from taubench_gl.study.progress import Progress
 
 VOLATILE = ("timing", "memory", "provenance")
 """Blocks of summary.json that differ with machine and engine."""
@@ -37,13 +38,6 @@ def test_results_do_not_depend_on_worker_processes(reference, tmp_path):
     run_batch(read_spec(path), tmp_path / "out", workers=2, chunk=8)
     assert final_files(tmp_path / "out") == expected
     assert not list((tmp_path / "out" / "logs").iterdir())
-
-
-@pytest.mark.long
-def test_results_do_not_depend_on_dask(reference, tmp_path):
-    path, expected = reference
-    run_batch(read_spec(path), tmp_path / "out", engine="dask-local", workers=2, chunk=8)
-    assert final_files(tmp_path / "out") == expected
 
 
 LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "shadow_size": 64, "probes": 32}
@@ -122,14 +116,17 @@ def test_cuts_are_found_over_chunk_boundaries(tmp_path, reference):
 
 
 @pytest.mark.long
-def test_results_do_not_depend_on_a_running_cluster(reference, tmp_path):
-    """The worker has two threads; all GL calls of a process are made on one."""
-    distributed = pytest.importorskip("distributed")
+def test_machines_that_share_the_jobs_give_the_results_of_one(reference, tmp_path):
+    """Each has a spec of its own with some of the jobs; their records are copied into one folder."""
     path, expected = reference
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address="127.0.0.1:0") as cluster:
-        address = cluster.scheduler_address.replace("tcp://", "dask://")
-        run_batch(read_spec(path), tmp_path / "out", engine=address, chunk=4)
-    assert final_files(tmp_path / "out") == expected
+    whole, out = read_spec(path), tmp_path / "out"
+    for name, job in zip("ab", whole.jobs, strict=True):
+        run_batch(BatchSpec(name, (job,)), tmp_path / name, chunk=8)
+        shutil.copytree(tmp_path / name / "records", out / "records", dirs_exist_ok=True)
+    lines: list[str] = []
+    run_batch(whole, out, listener=Progress(lines.append))
+    assert final_files(out) == expected
+    assert sum("of an earlier run" in line for line in lines) == len(whole.jobs)
 
 
 def records(job: Path) -> Path:

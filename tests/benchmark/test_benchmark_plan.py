@@ -6,9 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 from taubench_gl.apps.cli import cli
-from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
+from taubench_gl.benchmark.scenes import LIGHT_SCENES, SceneRecipe, scene_file
 from taubench_gl.benchmark.suite import read_suite
-from taubench_gl.datasets.light_scenes import SCENES
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -21,20 +20,24 @@ def cache(tmp_path_factory):
         yield
 
 
+def traced_cases(suite):
+    return [c for c in read_suite(suite).cases if c.track == "path-traced" and c.scene.source in LIGHT_SCENES]
+
+
 @pytest.mark.parametrize(("suite", "count"), [("quick", 6), ("full", 14)])
 def test_path_traced_track_has_scenes_of_different_kinds(suite, count):
-    cases = [c for c in read_suite(suite).cases if c.track == "path-traced" and c.scene.source in SCENES]
+    cases = traced_cases(suite)
     assert len({case.scene.source for case in cases}) == len(cases) == count
     for case in cases:
-        environment = SCENES[case.scene.source].environment
-        assert case.settings.lighting.environment == environment and case.settings.lighting.light_unit == "watt"
+        assert case.settings.lighting.light_unit == "watt"
         assert case.kind.path_samples == 1 and case.request.reference.startswith("path-traced@")
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", LIGHT_SCENES)
 def test_scenes_of_the_suites_are_lit_and_last_as_long_as_their_cases(name):
     scene = load_scene(scene_file(SceneRecipe(name)))
-    settings = Settings(light="path-traced", environment=SCENES[name].environment)
+    (case,) = (case for case in traced_cases("full") if case.scene.source == name)
+    settings = Settings(light="path-traced", environment=case.settings.lighting.environment)
     assert traced_sources(scene, settings)
     assert scene.duration * 24.0 >= 11.0  # frames 0 to 11
 

@@ -17,7 +17,6 @@ from taubench_gl.benchmark.suite import read_suite
 from taubench_gl.benchmark.unit import Entry
 from taubench_gl.errors import OutputError, SceneError, SettingsError
 from taubench_gl.paths import ASSETS
-from taubench_gl.study.engines import InProcess
 from taubench_gl.study.progress import Progress
 from taubench_gl.study.store import RECORDS
 
@@ -83,7 +82,7 @@ def suite_file(tmp_path_factory):
 def whole(suite_file, tmp_path_factory):
     """A benchmark in this process -> summary, folder."""
     out = tmp_path_factory.mktemp("whole") / "out"
-    return run_benchmark(read_suite(suite_file), METHODS, out, engine=InProcess()), out
+    return run_benchmark(read_suite(suite_file), METHODS, out, workers=0), out
 
 
 @pytest.fixture(scope="module")
@@ -117,9 +116,9 @@ def test_the_result_is_complete_and_can_be_read(whole):
 def test_units_of_single_methods_give_equal_bits(suite_file, whole, tmp_path):
     """As after a lost worker: another order of methods, in units of their own."""
     out, suite = tmp_path / "out", read_suite(suite_file)
-    run_benchmark(suite, ("none",), out, engine=InProcess())
+    run_benchmark(suite, ("none",), out, workers=0)
     stored = {path.name for path in (out / RECORDS).iterdir()}
-    again = run_benchmark(suite, METHODS, out, engine=InProcess())  # adds two methods
+    again = run_benchmark(suite, METHODS, out, workers=0)  # adds two methods
     assert stored < {path.name for path in (out / RECORDS).iterdir()}
     assert values_of(again) == values_of(whole[0])
 
@@ -144,7 +143,7 @@ def test_a_worker_with_another_scene_is_refused(tmp_path, monkeypatch):
 
     monkeypatch.setattr(BenchmarkStudy, "missing", changed)
     with pytest.raises(SceneError) as found:
-        run_benchmark(read_suite(tmp_path / "suite.toml"), ("none",), tmp_path / "out", engine=InProcess())
+        run_benchmark(read_suite(tmp_path / "suite.toml"), ("none",), tmp_path / "out", workers=0)
     assert "scene.glb" in str(found.value) and "\n" not in str(found.value)
     assert not list((tmp_path / "out").glob("records/*")) and not (tmp_path / "out" / "benchmark.json").exists()
 
@@ -155,13 +154,13 @@ def test_parts_of_two_folders_merge_in_any_order(suite_file, whole, tmp_path):
     suite = read_suite(suite_file)
     parts = {"turning": ["demo/rotation=6/*", "*upscale*"], "still": ["demo/rotation=0/*"]}
     for name, patterns in parts.items():
-        part = run_benchmark(suite.part(patterns), METHODS, tmp_path / name, engine=InProcess())
+        part = run_benchmark(suite.part(patterns), METHODS, tmp_path / name, workers=0)
         assert part["suite"] != whole[0]["suite"]
     for order in (tuple(parts), tuple(reversed(parts))):
         out, lines = tmp_path / "-".join(order), []
         for name in order:
             shutil.copytree(tmp_path / name / RECORDS, out / RECORDS, dirs_exist_ok=True)
-        found = run_benchmark(suite, METHODS, out, engine=InProcess(), listener=Progress(lines.append))
+        found = run_benchmark(suite, METHODS, out, workers=0, listener=Progress(lines.append))
         assert sum("of an earlier run" in line for line in lines) == 3
         assert values_of(found) == values_of(whole[0])
 
@@ -169,7 +168,7 @@ def test_parts_of_two_folders_merge_in_any_order(suite_file, whole, tmp_path):
 @pytest.mark.long
 def test_methods_that_fail_are_last_and_the_others_untouched(suite_file, whole, broken, tmp_path):
     texts = [*METHODS, *(str(broken / f"{name}.py") for name in BROKEN), str(broken / "missing.py")]
-    found = run_benchmark(read_suite(suite_file), texts, tmp_path / "out", engine=InProcess())
+    found = run_benchmark(read_suite(suite_file), texts, tmp_path / "out", workers=0)
     ranking = found["rankings"]["noisy"]["flip"]["ranking"]
     assert {Path(entry["method"]).stem for entry in ranking[2:]} == {*BROKEN, "missing"}
     reasons = {Path(entry["method"]).stem: entry["reason"] for entry in ranking[2:]}
@@ -199,14 +198,14 @@ def test_a_folder_belongs_to_one_suite(suite_file, whole, tmp_path):
     other = tmp_path / "other.toml"
     other.write_text(SUITE.replace("frames = 3", "frames = 4"))
     with pytest.raises(OutputError):
-        run_benchmark(read_suite(other), METHODS, whole[1], engine=InProcess())
+        run_benchmark(read_suite(other), METHODS, whole[1], workers=0)
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "a.txt").write_text("")
     with pytest.raises(OutputError):
-        run_benchmark(read_suite(suite_file), METHODS, tmp_path / "full", engine=InProcess())
+        run_benchmark(read_suite(suite_file), METHODS, tmp_path / "full", workers=0)
     assert [path.name for path in (tmp_path / "full").iterdir()] == ["a.txt"]
     with pytest.raises(SettingsError):
-        run_benchmark(read_suite(suite_file), ("none", "none"), tmp_path / "new", engine=InProcess())
+        run_benchmark(read_suite(suite_file), ("none", "none"), tmp_path / "new", workers=0)
     assert not (tmp_path / "new").exists()
 
 

@@ -87,7 +87,7 @@ def map_bytes(parts, size, version=33, entities=(), variables=None, slots=None):
     head += b"\x03fps\0" + struct.pack("<2H", 0, 0) + struct.pack("<H", 0)
     for place, kind, values in entities:
         head += struct.pack("<3f5h2B", *place, *[*values, 0, 0, 0, 0, 0][:5], kind, 0)
-    return gzip.compress(head + (rows if version > 29 else b"") + tree(parts, version) + b"lightmaps", 1)
+    return gzip.compress(head + (rows if version > 29 else b"") + tree(parts, version) + b"lightmaps", 1, mtime=0)
 
 
 # ------------------------------------------------------------------------------------------------------------ messages
@@ -140,7 +140,7 @@ def recording(packets, cut=None):
     body = b"SAUERBRATEN_DEMO" + struct.pack("<2i", 1, 260)
     for ms, channel, content in packets:
         body += struct.pack("<3i", ms, channel, len(content)) + content
-    return gzip.compress(body[:cut], 1)
+    return gzip.compress(body[:cut], 1, mtime=0)
 
 
 # --------------------------------------------------------------------------------------------------------- a small game

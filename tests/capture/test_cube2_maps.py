@@ -270,8 +270,14 @@ def test_files_outside_of_the_folder_are_not_read(tmp_path):
         Files(tmp_path)
 
 
-@pytest.mark.parametrize("data", [b"", b"\x1f\x8b", hall()[:60], map_bytes(air(), 3), map_bytes(air(), 16, 34),
-                                  map_bytes(air(), 16, 19), map_bytes([air(), *air(7)], 2)])  # fmt: skip
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"", b"\x1f\x8b", hall()[:60], map_bytes(air(), 3), map_bytes(air(), 16, 34), map_bytes(air(), 16, 19),
+        map_bytes([air(), *air(7)], 2),
+    ],
+    ids=["empty", "two bytes", "cut", "size", "newer", "older", "depth"],
+)  # fmt: skip
 def test_foreign_and_damaged_maps_are_one_line(data):
     with pytest.raises(SceneError) as caught:
         read_level(data, "tiny.ogz")

@@ -92,7 +92,7 @@ def late(truth, frames):
 
 
 def jitter_left(v, frame, truth):
-    offsets = truth.case.jitter(truth.size)
+    offsets = truth.case.offsets(truth.size)
     return v - (offsets[max(frame.number - 1, 0)] - offsets[frame.number]) * [1, -1]
 
 

@@ -13,10 +13,9 @@ from click.testing import CliRunner
 from engine_frames import SIZE, right_frames, scored, truth_of
 
 from taubench_gl.apps.cli import cli
-from taubench_gl.conformance.cases import CASES
+from taubench_gl.conformance.cases import CASES, FPS
 from taubench_gl.conformance.frames import EngineFrames
 from taubench_gl.conformance.score import NO_PLACE, NOT_JUDGED, RIGHT
-from taubench_gl.conformance.stage import FPS
 from taubench_gl.conformance.truth import CLASSES, Truth
 from taubench_gl.conventions import Visibility
 from taubench_gl.errors import PathTracedError

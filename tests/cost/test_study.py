@@ -22,7 +22,7 @@ from taubench_gl.study.store import json_bytes
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
 TINY = {"light": "auto", "size": "8x5", "frames": (0, 2), "columns": "frustum,direct,indirect"}
-REQUEST = {"repeats": 1, "clock": "cpu"}
+REQUEST = {"repeats": 1, "clock": "cpu", "time": None}
 OFF = {"light_unit": "candela", "exposure": 1.0, "environment": "none"}
 LACKING = "--light preview --indirect none"
 TRUE = {"frustum": 3.0, "direct": 20.0, "indirect": 6.0}
@@ -49,7 +49,8 @@ def evaluated(unit: EvaluationUnit) -> dict:
     columns = {n: {"percent": p, "interval95": ends[n], "reason": None if p else "off"} for n, p in wanted.items()}
     light = None if half is None else {"samples": 1000, "pixels": 10}
     made = {"renderer": "none", "driver": "none", "version": "0"}
-    return {"seconds": 2 * seconds, "cpu_seconds": seconds, "first_pair_seconds": 0.5, "repeats": 1, "pairs": 1,
+    return {"seconds": 2 * seconds, "cpu_seconds": seconds, "first_pair_seconds": 1.0, "first_pair_cpu_seconds": 0.5,
+            "repeats": 1, "pairs": 1,
             "sampled_light": light, "decided_light": None, "provenance": made, "columns": columns}  # fmt: skip
 
 
@@ -121,24 +122,42 @@ def test_an_interrupted_study_goes_on_and_evaluates_nothing_twice(tmp_path, name
     assert cost(DEMO, out=tmp_path / "part", **TINY, **OFF, **REQUEST) == whole and names == expected
 
 
-def test_the_truth_has_as_many_evaluations_as_its_interval_needs(tmp_path, names, monkeypatch):
+@pytest.fixture
+def wide_truth(monkeypatch):
+    """Evaluations of the truth are within 1 point, in 16 s."""
+
     def wide(unit):
         settings = unit.settings.replace(light_within=1.0) if unit.job == "truth" else unit.settings
         return evaluated(replace(unit, settings=settings))
 
     monkeypatch.setattr(EvaluationUnit, "run", lambda self, worker: json_bytes(wide(self)))
+
+
+def test_the_truth_has_as_many_evaluations_as_its_interval_needs(tmp_path, names, wide_truth):
     study = cost(DEMO, out=tmp_path, **TINY, **OFF, **REQUEST, truth_within=0.4)
     assert study["truth"]["evaluations"] == 7  # 1 / sqrt(7) = 0.378
     assert study["truth"]["half_width"] == pytest.approx(1.0 / math.sqrt(7.0))
 
 
-def test_what_would_take_longer_is_left_out_with_a_reason(tmp_path, names):
-    study = cost(DEMO, out=tmp_path, **TINY, **OFF, **REQUEST, longest=17.0)
+def test_what_does_not_fit_the_time_is_left_out_with_a_reason(tmp_path, names):
+    """The truth takes 256 s, 1, 4 and 16 samples 21 s, decided samples 1 + 4 + 16 s, a preview 1 s: each with 0.5 s
+    for its first pair."""
+    limited = REQUEST | {"time": 256.5 + 22.5 + 22.5 + 3.2}
+    study = cost(DEMO, out=tmp_path, **TINY, **OFF, **limited)
     left = {"--light path-traced --spp 64", "--light-within 0.5", "--light path-traced"}
     assert left <= study["left_out"].keys() and not left & set(names)
-    assert {"--light path-traced --spp 16", "default"} <= set(names)
-    longer = cost(DEMO, out=tmp_path, **TINY, **OFF, **REQUEST, longest=None)
-    assert len(longer["points"]) == len(study["points"]) + len(left)
+    assert {"--light path-traced --spp 16", "default", "--light preview"} <= set(names)
+    assert sum(name.startswith("--light preview") for name in names) == 2
+    longer = cost(DEMO, out=tmp_path, **TINY, **OFF, **REQUEST)
+    assert longer["left_out"].keys() < study["left_out"].keys() - left
+    assert len(longer["points"]) - len(study["points"]) == len(study["left_out"]) - len(longer["left_out"])
+
+
+def test_the_truth_takes_half_of_the_time(tmp_path, names, wide_truth):
+    """16.5 s each: seven for an interval of 0.4 points, three of them in 50 s."""
+    study = cost(DEMO, out=tmp_path, **TINY, **OFF, **REQUEST | {"time": 100.0}, truth_within=0.4)
+    assert study["truth"]["evaluations"] == 3
+    assert study["truth"]["half_width"] == pytest.approx(1.0 / math.sqrt(3.0))
 
 
 REFUSED = [
@@ -156,7 +175,7 @@ def test_settings_of_the_configurations_are_refused(tmp_path, setting, options):
 
 @pytest.mark.parametrize(
     ("wrong", "named"),
-    [(("--truth-within", "no"), "--truth-within"), (("--longest", "soon"), "--longest"), (("--frames", "0:1"), "pair"),
+    [(("--truth-within", "no"), "--truth-within"), (("--time", "soon"), "--time"), (("--frames", "0:1"), "pair"),
      (("--spp", "4"), "--spp"), (("--columns", "position"), "column"), (("--camera", "nobody"), "nobody")],
 )  # fmt: skip
 def test_wrong_input_is_one_line(taubench, tmp_path, wrong, named):

@@ -7,10 +7,10 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
+from shapes import box
 
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.registry import Entry
-from taubench_gl.datasets.shapes import box
 
 SECONDS = 0.25
 """Duration, in which object and camera move by 1 m (the camera in FBX by 1.2 m)."""

@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image as PillowImage
 from row_files import row_file
+from shapes import box
 from validator import errors
 
 from taubench_gl.animation import Poser, choose_camera
@@ -30,7 +31,6 @@ from taubench_gl.datasets.gltf_edit import GltfEditor
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.registry import Entry
-from taubench_gl.datasets.shapes import box
 from taubench_gl.datasets.stress import CAMERA_NAME, Moves, stress
 from taubench_gl.effects.census import census
 from taubench_gl.errors import SceneError, SettingsError, TaubenchError

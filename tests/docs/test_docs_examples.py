@@ -73,7 +73,7 @@ def all_options() -> set[str]:
         for name in command.list_commands(context) if isinstance(command, click.Group) else ():
             yield from below(command.get_command(context, name))
 
-    found = {"--help", "--version", "--nthreads", "--nworkers", "--preload", "--host"}  # the last four: of dask
+    found = {"--help", "--version"}
     for command in below(cli):
         found |= {name for p in command.params for name in (*p.opts, *p.secondary_opts) if name.startswith("--")}
     for tool in (ROOT / "tools").rglob("*"):

@@ -30,7 +30,6 @@ LEFT_OUT = {
     r"bart-museum|^scenes get": "downloads: tests/datasets",
     r"^reference clear \w": "the key of an example: tests/pathtraced",
     r"^evaluate valley.glb": "the stand-in takes minutes: tests/datasets",
-    r"dask://": "needs a cluster: tests/batch",
     r"exr:(engine|one-sample)|--mapping falcor": "reads renderings of other programs: tests/pathtraced, tests/reuse",
     r"^paper|^scenes make|^benchmark (?!compare)|^cost |study/within-": "takes minutes: tests/paper, tests/datasets, "
     "tests/benchmark, tests/cost",
@@ -78,8 +77,11 @@ QUICK = (
 )
 """Examples of other pages in the normal run."""
 
-FIRST_PAGES = ("README.md", "docs/tour.md")
-"""Pages whose examples are all in the normal run; tests/test_tour.py runs those of the tour as written."""
+FIRST_PAGE = "README.md"
+"""The page whose examples are in the normal run, but for those of TWICE."""
+
+TWICE = r"^(stress .*--sweep|batch .*--workers)"
+"""Examples of that page that run only with --long: tests/datasets and tests/batch run the same on other files."""
 
 PYTHON = {
     "README.md": {
@@ -228,7 +230,7 @@ def ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, prepared) -> Callable
 
 
 def marked(line: str, page: str) -> Any:
-    usual = page in FIRST_PAGES or re.search(QUICK, line)
+    usual = (page == FIRST_PAGE and not re.search(TWICE, line)) or re.search(QUICK, line)
     return pytest.param(line, id=line, marks=() if usual else pytest.mark.long)
 
 
@@ -257,7 +259,7 @@ def test_python_examples_run(name: str, ready):
 
 def test_what_is_left_out_or_replaced_exists():
     lines = [" ".join(words_of(line)) for page in PAGES for line in command_lines(page)]
-    for pattern in (*LEFT_OUT, QUICK, *LESS, *FIRST):
+    for pattern in (*LEFT_OUT, QUICK, TWICE, *LESS, *FIRST):
         texts = [*lines, *(text for page in PAGES for text in blocks(page, "python"))]
         assert any(re.search(pattern, text) for text in texts), pattern
     for name, replaced in PYTHON.items():

@@ -25,6 +25,9 @@ CHANGED = {
     "indirect": "rsm", "indirect_samples": 16, "probes": 27, "light_error": 0.0, "storage": "half",
     "samples_per_pixel": 4, "pairs": "every:3", "exact": True, "backend": "egl",
     "history": "eye", "eyes": 0.07, "eye": "right", "convergence": 2.0, "other_eye": "Right", "device": 0,
+    "camera_path": "head.csv", "camera_path_axes": "unity", "camera_path_up": "-x", "camera_path_fps": 30.0,
+    "camera_path_order": "ZXY", "camera_path_body": "sensor.yaml", "camera_path_gaps": "hold",
+    "camera_path_place": "node:car", "camera_path_scale": 0.01, "camera_path_speed": 2.0,
 }  # fmt: skip
 
 WRONG = {
@@ -37,6 +40,8 @@ WRONG = {
     "shadow_filter": "no", "indirect": "no", "indirect_samples": 0, "probes": 7, "light_error": -1.0, "storage": "no",
     "samples_per_pixel": 65, "pairs": "every:0", "backend": "no",
     "history": "no", "eyes": 0.0, "eye": "no", "convergence": -1.0,
+    "camera_path_axes": "no", "camera_path_up": "y", "camera_path_fps": 0.0, "camera_path_gaps": "no",
+    "camera_path_scale": 0.0, "camera_path_speed": float("inf"),
 }  # fmt: skip
 
 

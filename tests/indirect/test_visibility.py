@@ -12,7 +12,8 @@ from fixed import fixed_settings
 from repeated import few
 
 from taubench_gl.frame.geometry import build_geometry
-from taubench_gl.frame.passes.indirect import BRICKS, GRID, VPL_LIFT, fixed_draws, indirect_layout
+from taubench_gl.frame.passes.indirect import BRICKS, GRID, VPL_LIFT, indirect_layout
+from taubench_gl.frame.passes.shadows import fixed_draws
 from taubench_gl.frame.shadow_faces import FACE
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene

@@ -8,6 +8,7 @@ from light_tools import opened, shoot
 from test_shadow_cache import SIZE, street
 
 from taubench_gl.frame.lights import UnrolledLights, unrolled_lights
+from taubench_gl.frame.passes import shadows
 from taubench_gl.frame.shadow_faces import FaceTable, light_faces
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.model import Light
@@ -41,11 +42,16 @@ def test_no_point_of_a_sphere_falls_outside_what_it_covers(kind):
     assert tried > 500
 
 
+@pytest.mark.parametrize("copied", [False, True], ids=["drawn", "copied"])
 @pytest.mark.parametrize("move_light", [False, True])
-def test_maps_kept_over_frames_are_those_drawn_now(gpu, move_light):
-    """Bit by bit, while a box moves through them: what is not redrawn must have been true."""
+def test_maps_kept_over_frames_are_those_drawn_now(gpu, monkeypatch, move_light, copied):
+    """Bit by bit, while a box moves through them: what is not redrawn must have been true.  ``copied``: the kept maps
+    are copies of those of what stands still, with the box over them."""
     scene = street(move_box=True, move_light=move_light)
+    if copied:
+        monkeypatch.setattr(shadows, "FIXED_TRIANGLES", 0)
     with opened(gpu, scene, **SIZE) as kept:
+        monkeypatch.undo()
         for frame in range(5):
             shoot(kept, frame)
             with opened(gpu, scene, **SIZE) as fresh:

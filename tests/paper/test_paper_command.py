@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from taubench_gl.benchmark import scenes as benchmark_scenes
 from taubench_gl.conventions import Reason
 from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.scene_cache import CachedScene
+from taubench_gl.datasets.stand_ins import STAND_INS
 from taubench_gl.errors import DatasetError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.sampled_light import ROUND_SIZES
@@ -39,14 +39,11 @@ SMALL = ("--size", "32x18", "--quick")
 def cache(tmp_path_factory):
     """A cache with one dataset, a stand-in that takes no time, and small figures with few panels."""
 
-    def copy(name, path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(DEMO, path)
-
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TAUBENCH_CACHE", str(folder))
-        patch.setattr(benchmark_scenes, "make_stand_in", copy)
+        for name in STAND_INS:
+            patch.setitem(benchmark_scenes.SHIPPED, name, DEMO)
         patch.setattr(figures, "SIZE", (32, 18))
         patch.setattr(figures, "TURNS", {"yaw": figures.TURNS["yaw"]})
         patch.setattr(figures, "COLUMNS", {name: figures.COLUMNS[name] for name in ("normal", "direct")})
@@ -224,9 +221,8 @@ def test_a_repeated_command_draws_nothing(finished, monkeypatch):
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
-@pytest.mark.parametrize("option", [("--engine", "no"), ("--workers", "0")])
-def test_an_engine_that_is_not_there_is_refused_before_anything_is_made(tmp_path, option):
-    done = run(*SMALL, *option, "--out", tmp_path / "out")
+def test_too_many_workers_are_refused_before_anything_is_made(tmp_path):
+    done = run(*SMALL, "--workers", 100000, "--out", tmp_path / "out")
     assert isinstance(done.exception, SettingsError)
     assert not (tmp_path / "out").exists()
 

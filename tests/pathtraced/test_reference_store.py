@@ -240,6 +240,13 @@ def test_samples_are_fitted_to_a_time(tmp_path, monkeypatch):
     assert [made.frame(n).samples for n in range(4)] == [16] * 4 and tracer.now == pytest.approx(32.0)
 
 
+def test_no_more_samples_than_suffice(tmp_path, monkeypatch):
+    made = References(Slow(monkeypatch), store(tmp_path), 4)
+    estimate = made.fit(range(4), 1e6, lambda sums: 5.0 * sums.samples)
+    assert made.samples == 64 and estimate.quiet  # the next power of two after 5 * 8
+    assert not made.fit(range(4, 8), 30.0, lambda sums: 5.0 * sums.samples).quiet
+
+
 def test_stored_references_are_used_as_they_are(tmp_path, monkeypatch):
     made = References(Slow(monkeypatch), store(tmp_path), 16)
     for frame in range(4):

@@ -31,7 +31,8 @@ void main() {
     Surface s = Surface(vec3(material.x), material.y, alpha, material.w, up, view);
     float by_light = 0.0, by_brdf = 0.0, both = 0.0;
 
-    EmitterSample e = sample_emitter(a.x, a.yz);
+    int row = emitter_chosen(a.x);
+    EmitterSample e = emitter_point(row, a.yz);
     vec3 towards = e.position - point;
     float d2 = dot(towards, towards);
     vec3 l = towards * inversesqrt(d2);
@@ -39,7 +40,7 @@ void main() {
     Ray shadow = Ray(point, l, sqrt(d2) * 0.9999);
     if (e.pdf_area > 0.0 && cosine > 0.0 && !occluded(shadow)) {
         Lobes f = evaluate_brdf(s, l);
-        float pdf = e.pdf_area * d2 / cosine, other = brdf_pdf(s, l);
+        float pdf = emitter_probability(row) * e.pdf_area * d2 / cosine, other = brdf_pdf(s, l);
         by_light = (f.diffuse + f.glossy).g * e.radiance.g / pdf;
         both += by_light * pdf * pdf / (pdf * pdf + other * other);
     }
@@ -50,7 +51,8 @@ void main() {
         HitSurface x = surface_at(ray, hit, a.w);
         Lobes f = evaluate_brdf(s, next.l);
         by_brdf = (f.diffuse + f.glossy).g * x.emission.g / next.pdf;
-        float other = emitter_pdf_area(x.emitter, x.area) * hit.t * hit.t / abs(dot(x.geometric_normal, next.l));
+        float density = x.emitter < 0 ? 0.0 : emitter_probability(x.emitter) / x.area;
+        float other = density * hit.t * hit.t / abs(dot(x.geometric_normal, next.l));
         both += by_brdf * next.pdf * next.pdf / (next.pdf * next.pdf + other * other);
     }
     results[i] = vec4(by_light, by_brdf, both, 0.0);

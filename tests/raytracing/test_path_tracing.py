@@ -11,7 +11,9 @@ from references.path_tracing import LightSegments, PathLight, TraceScene, trace
 from repeated import few
 
 from taubench_gl.animation import Poser, choose_camera
-from taubench_gl.frame.passes.pathtracing import CANDIDATES, MOST_CELLS, subpath_choice
+from taubench_gl.frame.passes.pathtracing import CANDIDATES, CELL_ENTRIES, MOST_CELLS, subpath_choice
+from taubench_gl.frame.raytracing import emitters
+from taubench_gl.frame.raytracing.emitters import group_size
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
@@ -33,6 +35,7 @@ def room(
     *,
     lights: int = 0,
     emitter: float = 0.0,
+    cells: tuple[int, int] = (1, 1),
     closed: bool = True,
     on: range | None = None,
     spots: bool = False,
@@ -40,7 +43,8 @@ def room(
 ) -> Scene:
     """A room or an open stage with a glossy box, a metal board and lights.
 
-    ``on``: of the lights; None: all.  ``spots``: every second light is one.  ``close``: a lamp 2 cm from a wall and a
+    ``cells``: of the emitter, two triangles each, and as many of a lamp near the floor.  ``on``: of the lights; None:
+    all.  ``spots``: every second light is one.  ``close``: a lamp 2 cm from a wall and a
     spot 3 cm above the box.
     """
     b = SceneBuilder()
@@ -55,7 +59,10 @@ def room(
     b.node(mesh=b.mesh(quad(0.9, 0.9, material=metal)), translation=(1.2, -0.9, -1.6), rotation=turn_y(-25.0))
     if emitter:
         lamp = b.material(base_color=(0.2, 0.2, 0.2, 1.0), metallic=0.0, specular=0.0, emissive=(emitter,) * 3)
-        b.node(mesh=b.mesh(quad(0.7, 0.4, material=lamp)), translation=(0.3, 1.6, -0.5), rotation=turn_x(80.0))
+        mesh = b.mesh(quad(0.7, 0.4, cells=cells, material=lamp))
+        b.node(mesh=mesh, translation=(0.3, 1.6, -0.5), rotation=turn_x(80.0))
+        if cells != (1, 1):
+            b.node(mesh=mesh, translation=(-1.9, -1.5, 0.4), scale=(0.3, 0.3, 0.3))
     for i in range(lights):
         at = -2.0 + 4.0 * ((i * 0.37) % 1.0), 0.4 + ((i * 0.61) % 1.0), -2.0 + 3.0 * ((i * 0.23) % 1.0)
         intensity, spot = 3.0 + i if on is None or i in on else 0.0, {}
@@ -94,19 +101,25 @@ def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLig
             rows += [scene.materials[primitive.material]] * len(primitive.triangles)
     triangles = np.concatenate(corners)
     emission = np.array([m.emissive for m in rows])
-    emitters = np.flatnonzero(emission.any(axis=1))
+    shining = np.flatnonzero(emission.any(axis=1))
     area = 0.5 * np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
-    emitted = (area * (emission @ LUMINANCE))[emitters]
+    emitted = (area * (emission @ LUMINANCE))[shining]
     positions = state.world[scene.light_nodes, :3, 3] - view.position
     lights = [_arriving(light, at) for light, at in zip(_lights(scene), positions, strict=True)]
     power = np.array([max(light.color) * light.intensity for light in _lights(scene)])
-    grid = LightCells.of_box(*AnimatedScene(scene).box, MOST_CELLS)
+    groups = np.arange(0, len(shining), group_size(len(shining)))
+    most = max(len(power), len(groups), 1)
+    grid = LightCells.of_box(*AnimatedScene(scene).box, min(MOST_CELLS, CELL_ENTRIES // most))
     grid = replace(grid, low=grid.low - view.position)
-    if len(power) <= CANDIDATES:
+    if most <= CANDIDATES:
         grid = LightCells(np.zeros(3), 1.0, (0, 0, 0))
     on, everywhere = np.flatnonzero(power), np.full(len(power), True)
     first, entries = cell_choice(grid.importance(positions[on], power[on], np.zeros(len(on)), everywhere[on]))
     entries[:, 1] = on[entries[:, 1].astype(int)]
+    of_group = np.add.reduceat(emitted, groups)
+    at = np.add.reduceat(emitted[:, None] * triangles[shining].mean(axis=1), groups) / of_group[:, None]
+    far = np.zeros(len(groups)), np.full(len(groups), True), np.add.reduceat(area[shining], groups)
+    emitter_cells = cell_choice(grid.importance(at, of_group, *far))
     sources = {"sky": np.asarray(options.pop("sky", (0.0, 0.0, 0.0)))}
     if options.pop("bidirectional", False):
         least = np.array([np.cos(light.outer_cone) if light.kind == "spot" else -1.0 for light in _lights(scene)])
@@ -125,8 +138,10 @@ def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLig
         grid,
         (first, entries),
         CANDIDATES,
-        emitters,
+        shining,
         np.cumsum(emitted) / emitted.sum() if len(emitted) else np.zeros(0),
+        emitter_cells,
+        group_size(len(shining)),
         **sources,
     )
     shown = frame["position"][..., 3] > 0
@@ -179,11 +194,23 @@ IMAGE[3, 22] = 100.0
         ({"lights": 40}, "none", False),
         ({"lights": 3}, "none", True),
         ({"emitter": 8.0}, "none", False),
+        ({"emitter": 8.0, "cells": (3, 2)}, "none", False),
+        ({"emitter": 8.0, "cells": (3, 2), "lights": 2}, "none", False),
         ({"closed": False}, (0.5, 0.7, 1.0), False),
         ({"closed": False}, "image", False),
         ({"closed": False, "lights": 2}, "image", False),
     ],
-    ids=["few lights", "lights by power", "one light of few", "emitter", "sky", "image", "image and lights"],
+    ids=[
+        "few lights",
+        "lights by power",
+        "one light of few",
+        "emitter",
+        "lamps",
+        "lamps and lights",
+        "sky",
+        "image",
+        "image and lights",
+    ],
 )
 def test_light_is_that_of_the_reference(gpu, made, environment, one_light):
     """With the numbers and weights of the float64 path tracer; few punctual lights have no noise and are left out."""
@@ -202,6 +229,15 @@ def test_light_is_that_of_the_reference(gpu, made, environment, one_light):
         assert np.allclose(frame["path_info"][shown][:, 1], SAMPLES)
         distance = traced.hit_distance / np.maximum(traced.hits, 1)
         assert np.allclose(frame["path_info"][shown][:, 0], distance, rtol=1e-3, atol=1e-3)
+
+
+def test_many_emitters_are_chosen_in_groups(gpu, monkeypatch):
+    """Groups of three triangles, across both lamps, with the numbers and weights of the float64 path tracer."""
+    monkeypatch.setattr(emitters, "MOST_GROUPS", 9)
+    scene = room(emitter=8.0, cells=(3, 2))
+    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES)
+    traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES)
+    assert_same(frame, traced, shown, SAMPLES)
 
 
 @pytest.mark.parametrize("lights", few([40, 3]))

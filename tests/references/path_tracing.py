@@ -60,11 +60,13 @@ class TraceScene:
     emission: Array  # (T, 3) radiance, both sides
     lights: tuple[Callable[[Array], tuple[Array, Array, Array]], ...] = ()
     """Punctual lights: points (n, 3) -> unit directions (n, 3), irradiance (n, 3), distance (n,) to the light."""
-    grid: LightCells | None = None  # of ``lights``, its corner relative to the camera
+    grid: LightCells | None = None  # of ``lights`` and emitters, its corner relative to the camera
     cells: tuple[Array, Array] = (np.zeros(2, int), np.zeros((0, 2)))  # metrics.stochastic.cell_choice of ``lights``
     candidates: int = 8  # most lights that compete for a light sample
     emitter_triangles: Array = field(default_factory=lambda: np.zeros(0, int))  # (E,) rows of ``triangles``
-    emitter_cdf: Array = field(default_factory=lambda: np.zeros(0))  # (E,) cumulative probability
+    emitter_cdf: Array = field(default_factory=lambda: np.zeros(0))  # (E,) cumulative probability by power
+    emitter_cells: tuple[Array, Array] = (np.zeros(2, int), np.zeros((0, 2)))  # cell_choice of groups of emitters
+    group: int = 1  # emitters in a group
     sky: Array = field(default_factory=lambda: np.zeros(3))  # radiance of a uniform environment
     environment: Array | None = None  # equirectangular radiance (h, 2 h, 3)
     choice: Array | None = None  # metrics.environment.direction_choice of it
@@ -73,6 +75,24 @@ class TraceScene:
     def material(self, rows: Array) -> SurfaceMaterial:
         """Of triangles ``rows`` (n,)."""
         return SurfaceMaterial(self.base_color[rows], self.metallic[rows], self.roughness[rows], self.specular[rows])
+
+    def cell_of(self, p: Array) -> Array:
+        """Cells of the grid that points (n, 3) lie in, (n,); 0: outside."""
+        inside = np.floor((p - self.grid.low) / self.grid.side).astype(int)
+        known = ((inside >= 0) & (inside < self.grid.counts)).all(axis=1)
+        cell = np.zeros(len(p), int)
+        cell[known] = 1 + np.ravel_multi_index(tuple(inside[known].T), self.grid.counts)
+        return cell
+
+    def emitters_around(self, cell: int) -> Array:
+        """Probability (E,) with which each emitter is sampled from points in ``cell``."""
+        first, entries = self.emitter_cells
+        around = entries[first[cell] : first[cell + 1]].astype(np.float64)
+        of_group = np.zeros(-(-len(self.emitter_cdf) // self.group))
+        of_group[around[:, 1].astype(int)] = np.diff(around[:, 0], prepend=0.0)
+        power = np.diff(self.emitter_cdf, prepend=0.0)
+        groups = np.arange(len(power)) // self.group
+        return of_group[groups] * power / np.bincount(groups, power)[groups]
 
     @property
     def sources(self) -> int:
@@ -149,7 +169,7 @@ def trace(
             sums["indirect_diffuse"] += diffuse
             sums["indirect_glossy"] += glossy
         direction, pdf, diffuse, glossy, alive = _scatter(material, normals, to_viewer, numbers(0, SCATTER))
-        throughput, origin = np.ones((n, 3)), _above(points, normals)
+        throughput, origin, cell = np.ones((n, 3)), _above(points, normals), scene.cell_of(points)
         for vertex in range(1, bounces + 1):
             rows, distance = closest_hit(scene.triangles, origin, direction, np.full(n, np.inf))
             hit = alive & (rows >= 0)
@@ -165,7 +185,7 @@ def trace(
             normal = np.where(np.sum(normal * direction, axis=1, keepdims=True) > 0, -normal, normal)
             point = origin + direction * np.where(hit, distance, 0.0)[:, None]
             if len(scene.emitter_triangles):
-                p_light = _emitter_pdf(scene, safe, corners, normal, direction, distance)
+                p_light = _emitter_pdf(scene, safe, cell, corners, normal, direction, distance)
                 found[hit] = (throughput * scene.emission[safe] * _heuristic(pdf, p_light)[:, None])[hit]
             name = "direct" if vertex == 1 else "indirect"
             sums[f"{name}_diffuse"] += found * diffuse
@@ -187,6 +207,7 @@ def trace(
             direction, pdf, f_diffuse, f_glossy, going = _scatter(here, normal, -direction, u)
             throughput = throughput * (f_diffuse + f_glossy)
             alive, origin, peak = alive & going, _above(point, normal), throughput.max(axis=1)
+            cell = scene.cell_of(point)
             if vertex >= ROULETTE_FROM:
                 survival = np.clip(peak, LEAST_SURVIVAL, 1.0)
                 alive = alive & (u[3] < survival)
@@ -295,10 +316,7 @@ def _punctual(
     """Direction, radiance over the probability, distance: resampled importance sampling."""
     direction_of, radiance_of, distance_of = (np.stack(each) for each in zip(*(light(p) for light in scene.lights)))
     first, entries = scene.cells
-    inside = np.floor((p - scene.grid.low) / scene.grid.side).astype(int)
-    inside, known = inside.T, ((inside >= 0) & (inside < scene.grid.counts)).all(axis=1)
-    cell = np.zeros(len(p), int)
-    cell[known] = 1 + np.ravel_multi_index(tuple(inside[:, known]), scene.grid.counts)
+    cell = scene.cell_of(p)
     keep = np.full(len(p), keep)
     total, target = np.zeros(len(p)), np.ones(len(p))
     out = [np.zeros((len(p), 3)), np.zeros((len(p), 3)), np.full(len(p), np.inf)]
@@ -335,34 +353,43 @@ def _punctual(
 def _emitter(
     scene: TraceScene, p: Array, n: Array, v: Array, material: SurfaceMaterial, u: Array
 ) -> tuple[Array, Array, Array]:
-    e = min(int(np.searchsorted(scene.emitter_cdf, u[0], side="right")), len(scene.emitter_triangles) - 1)
-    row = scene.emitter_triangles[e]
-    a, b, c = scene.triangles[row]
+    cell = scene.cell_of(p)
+    row = np.zeros(len(p), int)
+    for c in np.unique(cell):
+        cumulative = np.cumsum(scene.emitters_around(c))
+        row[cell == c] = scene.emitter_triangles[np.searchsorted(cumulative, u[0] * cumulative[-1], side="right")]
+    corners = scene.triangles[row]
+    a, b, c = corners.swapaxes(0, 1)
     root = np.sqrt(u[1])
     point = a + (b - a) * root * (1.0 - u[2]) + (c - a) * root * u[2]
     towards = point - p
     distance = np.linalg.norm(towards, axis=1)
     direction = towards / distance[:, None]
-    corners = np.broadcast_to(scene.triangles[row], (len(p), 3, 3))
-    normal = np.broadcast_to(_unit(np.cross(b - a, c - a)), p.shape)
-    pdf = _emitter_pdf(scene, np.full(len(p), row), corners, normal, direction, distance)
+    normal = _unit(np.cross(b - a, c - a))
+    pdf = _emitter_pdf(scene, row, cell, corners, normal, direction, distance)
     weight = _heuristic(pdf, brdf_pdf(material, n, v, direction))
     # The ray ends above the emitter, on this side of it.
     side = np.where(np.sum(normal * direction, axis=1, keepdims=True) > 0, -normal, normal)
-    span = _above(np.broadcast_to(point, p.shape), side) - _above(p, n)
+    span = _above(point, side) - _above(p, n)
     return _unit(span), scene.emission[row] * (weight / pdf)[:, None], np.linalg.norm(span, axis=1) * (1.0 - 1e-6)
 
 
 def _emitter_pdf(
-    scene: TraceScene, rows: Array, corners: Array, normal: Array, direction: Array, distance: Array
+    scene: TraceScene, rows: Array, cell: Array, corners: Array, normal: Array, direction: Array, distance: Array
 ) -> Array:
-    """Probability per solid angle of the emitter sample that lies on triangles ``rows`` (n,); 0 for other triangles."""
-    share = np.zeros(len(scene.triangles))
-    share[scene.emitter_triangles] = np.diff(scene.emitter_cdf, prepend=0.0)
+    """Probability per solid angle of the emitter sample that lies on triangles ``rows`` (n,); 0 for other triangles.
+
+    ``cell`` (n,): of the points from which emitters are sampled.
+    """
+    share = np.zeros(len(rows))
+    for c in np.unique(cell):
+        of_triangle = np.zeros(len(scene.triangles))
+        of_triangle[scene.emitter_triangles] = scene.emitters_around(c)
+        share[cell == c] = of_triangle[rows[cell == c]]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     cosine = np.abs(np.sum(normal * direction, axis=1))
     far = np.where(np.isfinite(distance), distance, 0.0)  # a ray without a hit has no use for it
-    return share[rows] / area * far**2 / np.maximum(cosine, 1e-12)
+    return share / area * far**2 / np.maximum(cosine, 1e-12)
 
 
 def _image(

@@ -17,7 +17,7 @@ def summary_of(methods: int, seeds: int = 1, frames: int = 24) -> dict:
         | {"flip": m + rng.random(), "relmse": m, "clipped_relmse": methods - m}
         for m in range(methods) for s in range(seeds) for f in range(1, frames + 1)
     ]  # fmt: skip
-    measures = {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()}
+    measures = {name: {"unit": m.unit, "better": m.better, "doc": m.doc} for name, m in MEASURES.items()}
     return {"measures": measures, "statistics": compare_methods(rows, range(1, frames + 1))}
 
 

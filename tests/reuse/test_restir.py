@@ -1,6 +1,6 @@
 """ReSTIR DI: its float64 reference, each stage, and bias on six scenes of lamps with a history of four frames.
 
-Bias: as in test_ris.  The unbiased combination is within |t| < 4.9, 1e-4 for all twelve values of a scene together.
+Bias: as in test_ris.  Unbiased combinations are within |t| < 4.9, 1e-4 for all twelve values of a scene together.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ _DISCARDED = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)
 def differing(gpu, method, settings, frames: int = 3) -> float:
     """Share of pixels whose light or reservoir differs from the reference: lamp and camera move, a lamp is born."""
     scene = lamps(**MOVING)
-    given = {k: v for k, v in settings.items() if k != "combination"}
-    reference = Restir(**given, biased=settings.get("combination") == "biased")
+    reference = Restir(**settings)
     reads = (*method.reads, "motion", "mask")
     with opened(gpu, scene, reads) as inputs, MethodRunner(gpu, method, inputs.size, settings) as runner:
         before = past = None
@@ -52,8 +51,14 @@ def differing(gpu, method, settings, frames: int = 3) -> float:
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"visibility_reuse": False}, {"combination": "biased", "rounds": 2}, {"history_limit": 1, "neighbors": 0}],
-    ids=["default", "no visibility reuse", "biased", "temporal"],
+    [
+        {},
+        {"visibility_reuse": True, "rounds": 2},
+        {"visibility_reuse": True, "combination": "unbiased"},
+        {"visibility_reuse": True, "combination": "biased", "rounds": 2},
+        {"history_limit": 1, "neighbors": 0},
+    ],
+    ids=["default", "visibility reuse", "counts", "biased", "temporal"],
 )
 def test_equals_its_reference(gpu, changes):
     """All pixels but those where rounding decides a choice or an edge of a shadow, and their later neighbors."""
@@ -65,19 +70,24 @@ BYPASSES = {
     "visibility_reuse": ("initial.glsl", "visibility_reuse && r.sum > 0.0", "false"),
     "temporal_reuse": ("temporal.glsl", "temporal && x.lit", "false"),
     "history_limit": ("temporal.glsl", "float(history_limit) * fresh.count", "float(history_limit + 1) * fresh.count"),
-    "spatial_reuse": ("spatial.glsl", "i == 0 || similar(x, surface_at(q))", "i == 0"),
+    "spatial_reuse": ("spatial.glsl", "if (!similar(x, surface_at(q))) continue;", "continue;"),
     "similar_surfaces": ("spatial.glsl", "dot(a.s.n, b.s.n) > SIMILAR_NORMAL &&", "true ||"),
-    "unbiased_combination": ("combine.glsl", "if (combination == COMBINATION_BIASED)", "if (true)"),
+    "unbiased_combination": ("combine.glsl", "else if (combination == COMBINATION_BIASED)", "else if (true)"),
+    "pairwise_weights": ("combine.glsl", "others * theirs / sum", "others / (others + count)"),
     "shading": ("shade.glsl", "if (visible(x, at))", "if (true)"),
 }
+CHANGES = {
+    "visibility_reuse": {"visibility_reuse": True},
+    "history_limit": {"history_limit": 1},
+    "unbiased_combination": {"combination": "unbiased", "visibility_reuse": True},
+}
+"""Settings with which a stage has an effect."""
 
 
 @pytest.mark.parametrize("stage", BYPASSES)
 def test_every_stage_is_needed(gpu, tmp_path, stage):
-    settings = SMALL | ({"history_limit": 1} if stage == "history_limit" else {})
-    settings |= {"visibility_reuse": False} if stage == "shading" else {}
     method = load_method(bypassed(tmp_path / "restir-di", "restir-di", BYPASSES[stage]))
-    assert differing(gpu, method, settings) > 0.05
+    assert differing(gpu, method, SMALL | CHANGES.get(stage, {})) > 0.05
 
 
 def test_stages_and_bypasses_are_the_same():
@@ -89,52 +99,74 @@ def bias(gpu, method, name: str, settings=()) -> np.ndarray:
     return t_values(results, direct_light(surfaces, rows, triangles))
 
 
-@pytest.mark.parametrize("reuse", [True, False], ids=["visibility reuse", "without"])
+@pytest.mark.parametrize(
+    ("combination", "reuse"),
+    [("pairwise", False), ("pairwise", True), ("unbiased", True)],
+    ids=["pairwise", "pairwise with visibility reuse", "counts with visibility reuse"],
+)
 @pytest.mark.parametrize("name", SCENES)
-def test_the_unbiased_combination_has_no_bias(gpu, name, reuse):
-    assert np.abs(bias(gpu, load_method("restir-di"), name, {"visibility_reuse": reuse})).max() < LIMIT
+def test_unbiased_combinations_have_no_bias(gpu, name, combination, reuse):
+    settings = {"combination": combination, "visibility_reuse": reuse}
+    assert np.abs(bias(gpu, load_method("restir-di"), name, settings)).max() < LIMIT
 
 
 @pytest.mark.parametrize("name", ["occluder", "moving camera"])
 def test_the_biased_combination_darkens_what_neighbors_cannot_see(gpu, name):
     """Section 4.3 and figure 5 of the paper: 1/M counts reservoirs that could not hold the sample."""
-    assert bias(gpu, load_method("restir-di"), name, {"combination": "biased"}).min() < -LIMIT
+    settings = {"combination": "biased", "visibility_reuse": True}
+    assert bias(gpu, load_method("restir-di"), name, settings).min() < -LIMIT
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("combination", "change"),
     [
-        ("temporal.glsl", "target_of(before, was) > 0.0", "true"),
-        ("temporal.glsl", "prev_light_at(c.kept.light, c.kept.uv)", "light_at(c.kept.light, c.kept.uv)"),
+        ("unbiased", ("temporal.glsl", "target_of(before, was) > 0.0", "true")),
+        ("unbiased", ("temporal.glsl", "prev_light_at(c.kept.light, c.kept.uv)", "light_at(c.kept.light, c.kept.uv)")),
+        ("pairwise", ("temporal.glsl", "held(before, fresh, true, false)", "fresh_target")),
+        ("pairwise", ("temporal.glsl", "held(before, fresh, true, false)", "held(before, fresh, false, false)")),
     ],
-    ids=["no target", "light of this frame"],
+    ids=["no target", "light of this frame", "pairs, no target", "pairs, light of this frame"],
 )
-def test_a_missing_target_of_the_previous_frame_is_seen(gpu, tmp_path, change):
+def test_a_missing_target_of_the_previous_frame_is_seen(gpu, tmp_path, combination, change):
     """A lamp is born: history could not hold it, and counts as if it could."""
     method = load_method(bypassed(tmp_path / "restir-di", "restir-di", change))
-    assert bias(gpu, method, "born and killed", {"neighbors": 0, "visibility_reuse": False}).min() < -LIMIT
+    settings = {"neighbors": 0, "visibility_reuse": False, "combination": combination}
+    assert bias(gpu, method, "born and killed", settings).min() < -LIMIT
+
+
+def squared_errors(gpu, scene, method, settings, frames: int, seeds: int):
+    """Mean squared error of the last frame over seeds, and shadow rays a pixel."""
+    with (
+        opened(gpu, scene, method.reads) as inputs,
+        MethodRunner(gpu, method, inputs.size, settings, count=True) as runner,
+    ):
+        many = Seeds(runner, range(seeds))
+        for number in range(frames):
+            frame = inputs.advance(number)
+            results = many.step(frame)
+        exact = direct_light(frame.light.surfaces(), frame.light.lights, triangles_of(scene, frame.view))
+        return np.mean((results - exact) ** 2), runner.light_counts()[..., 0].mean()
+
+
+@pytest.mark.parametrize(
+    ("combination", "low", "high"), [("pairwise", 0.0, 2.0), ("unbiased", 8.0, np.inf)], ids=["pairwise", "counts"]
+)
+def test_the_error_where_lamps_are_born(gpu, combination, low, high):
+    """In the frame of the birth, against ris of as many rays: counts have heavy tails, weights in pairs have none."""
+    scene = lamps(switched=[(lamp, (3, 9)) for lamp in (0, 1, 2, 5)])
+    ris, rays = squared_errors(gpu, scene, load_method("ris"), {"candidates": 8}, 4, 16)
+    settings = {"candidates": 8, "combination": combination}
+    restir, more_rays = squared_errors(gpu, scene, load_method("restir-di"), settings, 4, 16)
+    assert more_rays <= 1.02 * rays and low * ris < restir < high * ris
 
 
 @pytest.mark.parametrize(("name", "least"), [("many lamps", 3.0), ("two colors", 1.5)])
 def test_less_error_than_ris_at_equal_rays_and_samples(gpu, name, least):
     """Mean squared error of the sixth frame over 16 seeds; both trace one ray a pixel, of equally many samples."""
-    errors, rays = {}, {}
-    scene = SCENES[name]()
-    for method in map(load_method, ("ris", "restir-di")):
-        settings = {"candidates": 4} if method.name == "ris" else SMALL | {"visibility_reuse": False, "radius": 0.0}
-        with (
-            opened(gpu, scene, method.reads) as inputs,
-            MethodRunner(gpu, method, inputs.size, settings, count=True) as runner,
-        ):
-            many = Seeds(runner, range(16))
-            for number in range(6):
-                frame = inputs.advance(number)
-                results = many.step(frame)
-            exact = direct_light(frame.light.surfaces(), frame.light.lights, triangles_of(scene, frame.view))
-            rays[method.name] = runner.light_counts()[..., :2].sum(axis=(0, 1))
-        errors[method.name] = np.mean((results - exact) ** 2)
-    assert np.all(rays["restir-di"] <= rays["ris"] * 1.02)
-    assert errors["ris"] > least * errors["restir-di"]
+    ris, rays = squared_errors(gpu, SCENES[name](), load_method("ris"), {"candidates": 4}, 6, 16)
+    settings = SMALL | {"radius": 0.0}
+    restir, more_rays = squared_errors(gpu, SCENES[name](), load_method("restir-di"), settings, 6, 16)
+    assert more_rays <= 1.02 * rays and ris > least * restir
 
 
 def test_runs_are_equal_bit_for_bit(gpu):

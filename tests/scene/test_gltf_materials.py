@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import PIL.Image
+import pytest
 from gltf_builders import (
     notes_about,
     png,
@@ -16,7 +17,9 @@ from gltf_builders import (
 from gltf_files import Gltf
 
 from taubench_gl.effects.path_tracing import absorbs, has_dielectric, transmits
+from taubench_gl.errors import SceneError
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.files import ROWS_AT_ONCE, decode_image
 from taubench_gl.scene.model import Material
 
 
@@ -114,6 +117,16 @@ def test_sixteen_bit_gray_is_scaled(tmp_path: Path) -> None:
     gltf = textured({})
     gltf.json["images"] = [{"bufferView": gltf.view(png(mode="I;16", color=0x8000)), "mimeType": "image/png"}]
     assert load_scene(gltf.save(tmp_path)).images[0].decode()[0, 0].tolist() == [128, 128, 128, 255]
+
+
+@pytest.mark.parametrize("mode", ["RGB", "P", "LA", "L"])
+def test_tall_images_are_converted_as_a_whole(tmp_path: Path, mode: str) -> None:
+    values = np.random.default_rng(1).integers(0, 255, (2 * ROWS_AT_ONCE + 3, 5, 3), np.uint8)
+    image, saved = PIL.Image.fromarray(values).convert(mode), tmp_path / "tall.png"
+    image.save(saved, transparency=7) if mode in "PL" else image.save(saved)
+    with PIL.Image.open(saved) as whole:
+        expected = np.asarray(whole.convert("RGBA"))
+    np.testing.assert_array_equal(decode_image(saved, ("PNG",), lambda what, hint: SceneError(what)), expected)
 
 
 def test_webp(tmp_path: Path) -> None:

@@ -14,9 +14,9 @@ from taubench_gl.capture.cube2.timeline import GRENADE, ROCKET, Shot, Timeline
 from taubench_gl.capture.cube2.world import add_lights, add_point, add_world
 from taubench_gl.capture.parts import Motion, SceneFile, view_rotations, y_up
 from taubench_gl.capture.recording import EXACT_RATE, Choice, Eye, Recording, axes, key_times, sample_times, windows
-from taubench_gl.datasets.shapes import box
 from taubench_gl.math3d import mat3_from_quat, normalize
 from taubench_gl.metrics.activity import camera_activity
+from taubench_gl.scene.builder import box
 
 Array = np.ndarray
 
@@ -99,9 +99,11 @@ def build_scene(demo: Demo, files: Files, choice: Choice, path: Path) -> SceneFi
 
 def _box(file: SceneFile, name: str, low: tuple, high: tuple, color: tuple) -> int:
     """A mesh of a box between two corners, in units of the game."""
-    shape = box(low, high)
-    parts = (shape[part] for part in ("POSITION", "NORMAL", "TEXCOORD_0", "indices"))
-    return file.writer.mesh(name, file.primitive(*parts, file.writer.material(name, color, roughness=0.7)))
+    corners = np.array([low, high])
+    shape = box(np.ptp(corners, axis=0) / 2)
+    positions, uv = shape.positions + corners.mean(axis=0), np.zeros((len(shape.positions), 2))
+    material = file.writer.material(name, color, roughness=0.7)
+    return file.writer.mesh(name, file.primitive(positions, shape.normals, uv, shape.triangles, material))
 
 
 def _add_players(file: SceneFile, timeline: Timeline, now: Array, camera: int | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
+from taubench_gl.reuse.response import response_frames
 from taubench_gl.scene.builder import sphere
 from taubench_gl.scene.model import Scene
 
@@ -84,6 +86,11 @@ def ghost_by_age(image: Array, reference: Array, age: Array) -> dict[int, float]
     return {int(k): float(np.median(share[age == k])) for k in np.unique(age) if k > 0}
 
 
+def response(trail: Trail) -> float:
+    """Response time: frames until the squared weight of the ball is a tenth of that in the first frame without it."""
+    return float(response_frames(np.array([trail.weights[age] ** 2 for age in sorted(trail.weights)]), 0.0))
+
+
 OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), frame=FRAMES - 1, settings={"environment": "none"})
 
 
@@ -99,10 +106,12 @@ def run(stage: Stage) -> Result:
         sheet.panel(place, 0, shown(trail.image), name, text)
     _plot(sheet, trails)
     first, clamped, tested, ideal = trails
-    left = 100 * (1 - ALPHA) ** AGE
+    left, tenth = 100 * (1 - ALPHA) ** AGE, math.ceil(math.log(0.1) / (2 * math.log(1 - ALPHA)))
     findings = (
         Finding(100 * trails[first].weights[AGE], "%", f"of the ball's radiance remains {AGE} frames after it left",
                 Expected.near(left, 0.01 * left, f"moving average: (1 - {ALPHA})^{AGE}; ± 1 % for float32")),
+        Finding(response(trails[first]), "frames", "until the squared error of the wall is a tenth of what it was",
+                Expected.near(tenth, 0, f"moving average: ln 0.1 / (2 ln(1 - {ALPHA})), rounded up", digits=0)),
         Finding(100 * trails[clamped].weights[AGE], "%", "remains with history clamped to neighborhood colors",
                 Expected.between(-np.inf, 0.5 * left, "less than half: no neighbor has the color of the ball")),
         Finding(100 * trails[tested].weights[AGE], "%", "remains with position and normal tested",

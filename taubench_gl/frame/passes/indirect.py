@@ -8,17 +8,20 @@ pass runs, wherever the camera is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taubench_gl.channels import CHANNELS
+from taubench_gl.frame.casters import ShadowMapCache
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW
 from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import channel_pass, geometry_pass, geometry_variant
-from taubench_gl.frame.passes.shadows import AnchoredRecords, FaceDrawer, Variant
+from taubench_gl.frame.passes.shadows import AnchoredRecords, FaceDrawer, Variant, fixed_draws
 from taubench_gl.frame.patches import PATCH, Patches, lamps_of
 from taubench_gl.frame.scene_buffers import Group
 from taubench_gl.frame.shadow_faces import FACE, Face, FaceTable, faces_of, first_faces, pack
@@ -31,7 +34,9 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.lobes import COMMON_LOBES, lobe_channels
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
-from taubench_gl.scene.model import Scene
+
+if TYPE_CHECKING:
+    import moderngl
 
 Array = np.ndarray
 
@@ -55,6 +60,9 @@ VPL = Struct(
 )
 CHANNEL_NAMES = ("position", "normal", "base_color", "material")
 """Channels of the reflective shadow maps, and those that indirect light reads."""
+
+FIXED = "rsm_fixed_"
+"""Prefix of the reflective shadow maps of what no animation moves: what moves is drawn over a copy of them."""
 
 LOBES = lobe_channels(COMMON_LOBES, ("indirect",))
 
@@ -158,16 +166,6 @@ def _probe_count(layout: Array) -> int:
     return int(np.prod(layout["probe_counts"][:3]))
 
 
-def fixed_draws(scene: Scene, draws: tuple[Draw, ...]) -> Array:
-    """Draws that no animation moves, bends or hides, (D,) bool."""
-    nodes = scene.nodes
-    moves = np.zeros(len(nodes.parent), dtype=bool)
-    moves[[c.index for c in scene.channels if c.target == "node" and c.path != "weights"]] = True
-    for level in nodes.levels()[1:]:
-        moves[level] |= moves[nodes.parent[level]]
-    return np.array([not (d.posed or moves[d.node]) for d in draws], dtype=bool)
-
-
 # ------------------------------------------------------------------------------------------------------------- passes
 class Declarations:
     """The passes of one ``spec``, by what they do."""
@@ -179,7 +177,7 @@ class Declarations:
 
     def all(self) -> list[Pass]:
         """All passes of indirect light in the order in which they run."""
-        out: list[Pass] = [self.rsm()] if self.mapped else []
+        out: list[Pass] = [self.rsm(), self.place_fixed()] if self.mapped else []
         if self.probes:
             out += [self.voxels("voxels_fixed"), self.voxels("voxels_moving"), *self.bricks()]
         out += [self.vpls()] * self.mapped + [self.patches()] * bool(self.patch_count)
@@ -210,15 +208,27 @@ class Declarations:
         return p.constants("P", INDIRECT, self.record)
 
     def rsm(self) -> RasterPass:
-        """Reflective shadow maps: what each mapped light sees."""
-        faces = rsm_faces(self._spec)
-        size, room = pack(faces, self._spec.tuning.texture_limit)[1], self._room()
-        targets = {channel: f"rsm_{channel}" for channel in CHANNEL_NAMES}
-        p = channel_pass("indirect", CHANNEL_NAMES, self._spec, resources=targets)
-        for channel, name in targets.items():
-            info = CHANNELS[channel]
-            p.allocate(Resource.texture(name, size, components=info.components, dtype=info.dtype, label=_LABEL, **room))
-        return p.allocate(Resource.texture("rsm_depth", size, dtype="depth", label=_LABEL, **room))
+        """Reflective shadow maps: what each mapped light sees, and of it what no animation moves (``FIXED``)."""
+        size, room = self._map_size(), self._room()
+        p = channel_pass("indirect", CHANNEL_NAMES, self._spec, resources={c: f"rsm_{c}" for c in CHANNEL_NAMES})
+        for prefix in ("rsm_", FIXED):
+            for channel in CHANNEL_NAMES:
+                form = {"components": CHANNELS[channel].components, "dtype": CHANNELS[channel].dtype}
+                p.allocate(Resource.texture(prefix + channel, size, **form, label=_LABEL, **room))
+            p.allocate(Resource.texture(f"{prefix}depth", size, dtype="depth", label=_LABEL, **room))
+        return p
+
+    def _map_size(self) -> tuple[int, int]:
+        return pack(rsm_faces(self._spec), self._spec.tuning.texture_limit)[1]
+
+    def place_fixed(self) -> ComputePass:
+        """Positions of what no animation moves, from scene space to the camera."""
+        return (
+            self._compute("rsm_position")
+            .texture("fixed_position", resource=f"{FIXED}position", filled=True)
+            .image("position_out", access=WRITE, resource="rsm_position")
+            .dispatch(self._map_size(), self._spec.tuning.pixel_group)
+        )
 
     def _room(self) -> dict[str, str]:
         """Text and hint of the error of a device that has no room for the virtual point lights."""
@@ -409,9 +419,10 @@ class IndirectPass(Owner):
         self.tables["rsm_faces"] = ctx.buffer(reserve=self._rows.nbytes, dynamic=True)
         self._mapped = mapped_lights(spec)
         if passes.mapped:
-            targets = [self.tables[f"rsm_{channel}"] for channel in CHANNEL_NAMES]
-            self._framebuffer = self.own(ctx.framebuffer(targets, self.tables["rsm_depth"]))
-            self._drawer = self.own(FaceDrawer(context, self._framebuffer, passes.rsm()))
+            self._drawer, self._fixed_drawer = (self._drawing(context, prefix) for prefix in ("rsm_", FIXED))
+            self._place = self.own(context.compute(passes.place_fixed()))
+            self._fixed, self._cache = fixed_draws(spec.scene, draws), ShadowMapCache(len(faces))
+            self._anchor = self.own(AnchoredRecords(gpu, draws, passes.center))
             self.tables["texels"] = ctx.buffer(_texel_table(faces, self._offsets).tobytes())
             self._vpls = self.own(context.compute(passes.vpls()))
         inputs = context, spec, passes, self.tables, draws
@@ -424,6 +435,15 @@ class IndirectPass(Owner):
         self.hold = 1
         self._solved: bytes | None = None
         self._age = 0  # frames since
+
+    def _targets(self, prefix: str) -> list[moderngl.Texture]:
+        """The channels of the maps whose names begin with ``prefix``."""
+        return [self.tables[prefix + channel] for channel in CHANNEL_NAMES]
+
+    def _drawing(self, context: GpuContext, prefix: str) -> FaceDrawer:
+        """What draws faces into the maps whose names begin with ``prefix``."""
+        framebuffer = self.own(self._gpu.ctx.framebuffer(self._targets(prefix), self.tables[f"{prefix}depth"]))
+        return self.own(FaceDrawer(context, framebuffer, self._passes.rsm()))
 
     def run(self, frame: FrameContext) -> None:
         """Write ``indirect`` of the frame; where the stochastic pass does that, only find the VPLs."""
@@ -455,27 +475,44 @@ class IndirectPass(Owner):
             self.grid.light(frame)
 
     def _draw_maps(self, frame: FrameContext, faces: list[Face]) -> None:
-        # A light that is off has no VPLs: its faces are cleared.
         on = np.any(frame.light_rows["color"][:, :3] != 0.0, axis=1)
-        nothing = np.zeros(0, dtype=np.int64)
-        seen = [
-            draws if on[face.light] else nothing
-            for face, draws in zip(faces, frame.casters.seen_by(FaceTable(faces)), strict=True)
-        ]
+        lit, table = np.flatnonzero([on[face.light] for face in faces]), FaceTable(faces)
         keys = self._spec.material_keys(CHANNEL_NAMES)
 
+        @cache
         def variant(group: Group) -> Variant:
             key, colors = keys[group.material + 1], group.material in self._spec.colored
             known = tuple(s for s in key.slots if s in frame.materials.keys[group.material + 1].slots)
             return geometry_variant(key, group.posed, CHANNEL_NAMES, colors), known
 
-        stale = list(zip(faces, self._offsets, seen, strict=True))
-        self._drawer.draw(frame, stale, variant)
-        self._gpu.hazards.wrote(self._framebuffer.color_attachments, drawn=True)
+        self._keep_fixed(frame, [faces[i] for i in lit], lit, variant)
+        moving = [draws[~self._fixed[draws]] for draws in frame.casters.seen_by(table)]
+        self._drawer.draw(frame, [(faces[i], self._offsets[i], moving[i]) for i in lit], variant, clear=False)
+        # A light that is off has no VPLs: its faces are cleared.
+        off, nothing = np.setdiff1d(np.arange(len(faces)), lit), np.zeros(0, dtype=np.int64)
+        self._drawer.draw(frame, [(faces[i], self._offsets[i], nothing) for i in off], variant)
+        self._gpu.hazards.wrote(self._targets("rsm_"), drawn=True)
         rows, lights = self._rows[: len(faces)], [face.light for face in faces]
-        FaceTable(faces).fill(rows, self._offsets, frame.view.position)
+        table.fill(rows, self._offsets, frame.view.position)
         rows["extent"][:, 2], rows["extent"][:, 3] = on[lights], lights
         self.tables["rsm_faces"].write(self._rows.tobytes())
+
+    def _keep_fixed(
+        self, frame: FrameContext, faces: list[Face], numbers: Array, variant: Callable[[Group], Variant]
+    ) -> None:
+        """Bring the maps of what no animation moves up to date in ``faces``, and copy all of them."""
+        if faces:
+            self._anchor.update(frame.placement, frame.buffers.order)
+            dirty = self._cache.update(numbers, FaceTable(faces), frame.casters.only(self._fixed))
+            of = dict(zip(numbers.tolist(), faces, strict=True))
+            stale, parts = [(of[i], self._offsets[i], seen) for i, _, seen in dirty], [part for _, part, _ in dirty]
+            self._fixed_drawer.draw(frame, stale, variant, anchor=self._anchor, parts=parts)
+            self._gpu.hazards.wrote(self._targets(FIXED), drawn=True)
+        for name in ("depth", *CHANNEL_NAMES):
+            source, target = (self.tables[prefix + name] for prefix in (FIXED, "rsm_"))
+            self._gpu.copy_texels(source, target, [(0, 0, *source.size)])
+        self._place.run(frame, frame.resources)
+        self._gpu.hazards.publish()
 
     def record(self, frame: FrameContext) -> Array:
         """The INDIRECT record of ``frame``."""

@@ -52,7 +52,7 @@ PATH = Struct(
     Field("numbers", "uvec4", "x: frame, y: seed"),
     Field("lights", "ivec4", "x: punctual lights; y: 1 where their light at the camera's vertex has no noise"),
     Field("cells", "vec4", "xyz: low corner of the grid of lights, relative to the camera; w: cells a meter"),
-    Field("cell_counts", "ivec4", "xyz: cells along each axis"),
+    Field("cell_counts", "ivec4", "xyz: cells along each axis; w: first of the cells of emissive triangles"),
 )
 LAYERS, LOBE_LAYERS, SUBPATH_LAYERS = 4, 4, 4
 """Layers of the path state of every path, of each lobe and of light subpaths (shaders/pathtracing/state.glsl)."""
@@ -65,8 +65,8 @@ EXACT_PER_SAMPLE = 4
 its path has two rays a bounce and evaluates CANDIDATES lights at every vertex."""
 
 MOST_EXACT = 1024
-"""Lights of a cell, up to which listed pixels have light without noise.  Only those that would shine on a point without
-shadow have a ray there; as many samples of single lights as rays would still be noisy."""
+"""Lights of a cell, up to which listed pixels and images with ``every_light`` have no noise.  Only those that would
+shine on a point without shadow have a ray there; as many samples of single lights as rays would still be noisy."""
 
 MOST_CELLS, CELL_ENTRIES = 1 << 11, 1 << 20
 """Most cells of the grid of lights, and most lights in all cells together."""
@@ -128,16 +128,19 @@ def state_layers(spec: FrameSpec) -> int:
 def exact_punctual(spec: FrameSpec) -> bool:
     """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise.
 
-    With ``pixel_list``, in frames without a cell of more than MOST_EXACT lights.
+    Of more lights than EXACT_PER_SAMPLE allows, in frames without a cell of more than MOST_EXACT.
     """
-    few = len(spec.light_kinds) <= max(CANDIDATES, EXACT_PER_SAMPLE * spec.spp)
     traced = "punctual" in spec.path_traced_sources and not spec.shading.one_light
-    return traced and (spec.pixel_list or few)
+    return traced and (spec.pixel_list or spec.shading.every_light or _few_lights(spec))
 
 
-def light_grid(spec: FrameSpec) -> LightCells:
-    """The grid of the lights of ``spec``; without cells where they are all candidates."""
-    count = len(spec.light_kinds)
+def _few_lights(spec: FrameSpec) -> bool:
+    return len(spec.light_kinds) <= max(CANDIDATES, EXACT_PER_SAMPLE * spec.spp)
+
+
+def light_grid(spec: FrameSpec, emitters: int) -> LightCells:
+    """The grid of the lights of ``spec`` and ``emitters``; without cells where all are candidates."""
+    count = max(len(spec.light_kinds) * ("punctual" in spec.path_traced_sources), emitters)
     if count <= CANDIDATES:
         return LightCells(np.zeros(3), 1.0, (0, 0, 0))
     return LightCells.of_box(*spec.animated.box, min(max(CELL_ENTRIES // count, 1), MOST_CELLS))
@@ -185,10 +188,9 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
 
 def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
     """Values of ``PATH`` for a frame."""
-    grid = light_grid(spec)
 
     def values(frame: FrameContext) -> dict[str, Any]:
-        seed = spec.seed if frame.seed is None else frame.seed
+        seed, grid = spec.seed if frame.seed is None else frame.seed, frame.light_grid
         return {
             "sky": (*spec.environment.radiance, 0.0),
             "parallel_view": frame.view.towards_parallel_camera,
@@ -197,7 +199,7 @@ def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
             "numbers": (frame.number & 0xFFFFFFFF, seed, 0, 0),
             "lights": (len(spec.light_kinds), frame.exact_light, 0, 0),
             "cells": (*(grid.low - frame.view.position), 1.0 / grid.side),
-            "cell_counts": (*grid.counts, 0),
+            "cell_counts": (*grid.counts, frame.emitter_cells),
         }
 
     return values
@@ -252,6 +254,7 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
     p.use(lookup(spec, "sample_table", "rgba32ui"))
     if "punctual" in sources:
         p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", filled=True)
+    if sources & {"punctual", "emitters"}:
         p.buffer("light_cells", "int", filled=True).buffer("light_entries", "vec2", filled=True)
     if image:
         declare_environment(p, spec.environment, lobes=False, owned=False)
@@ -363,12 +366,13 @@ class PathTracing(Owner):
             count = max(len(spec.light_kinds), 1)
             reserved = 8 * count * (1 + spec.bidirectional)
             self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=reserved, dynamic=True)
-            self._grid = light_grid(spec)
-            for name in ("light_cells", "light_entries"):
-                self.tables[name] = context.gpu.ctx.buffer(reserve=8, dynamic=True)
         alpha_test, keep_previous = "alpha_mask" in spec.enabled, spec.shading.both_frames
         self.structure = self.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=keep_previous))
         self.attributes = self.own(HitAttributes(renderer, hit_options(spec)))
+        if spec.path_traced_sources & {"punctual", "emitters"}:
+            for name in ("light_cells", "light_entries"):
+                self.tables[name] = context.gpu.ctx.buffer(reserve=8, dynamic=True)
+        self._grid = light_grid(spec, self.attributes.groups.count)
         for name in TRACED:
             if name in passes:
                 self.attributes.declare(self.structure.declare(passes[name]))
@@ -401,23 +405,39 @@ class PathTracing(Owner):
             if self._spec.bidirectional:
                 words += subpath_choice(power, lights["direction"][:, 3], lights["spot"]).tobytes()
             self.tables["light_choice"].write(words or bytes(8))
-            self._place_lights(frame, lights, power)
+        frame.light_grid = self._grid
+        if "light_cells" in self.tables:
+            self._place_lights(frame)
         self.trace(frame, frame.resources)
 
-    def _place_lights(self, frame: FrameContext, lights: Array, power: Array) -> None:
-        """Upload what each of the ``lights``, rows of the table, of ``power`` brings to each cell of the grid."""
+    def _place_lights(self, frame: FrameContext) -> None:
+        """Upload what each punctual light and each group of emissive triangles brings to each cell of the grid."""
+        tables, sources = [], self._spec.path_traced_sources
+        if "punctual" in sources:
+            tables.append(self._punctual_cells(frame))
+            most = int(np.diff(tables[0][0]).max())
+            frame.exact_light = exact_punctual(self._spec) and (most <= MOST_EXACT or _few_lights(self._spec))
+            self._rays = range(0, max(most, 1) * frame.exact_light, LIGHT_CHUNK)
+        frame.emitter_cells = sum(len(first) for first, _ in tables)
+        if "emitters" in sources:
+            first, entries = cell_choice(self.attributes.groups.importance(self._grid, frame.placement))
+            tables.append((first + np.int32(sum(len(entries) for _, entries in tables)), entries))
+        firsts, entries = (np.concatenate(parts) for parts in zip(*tables, strict=True))
+        for name, payload in (("light_cells", firsts.tobytes()), ("light_entries", entries.tobytes() or bytes(8))):
+            self.tables[name].orphan(len(payload))
+            self.tables[name].write(payload)
+
+    def _punctual_cells(self, frame: FrameContext) -> tuple[Array, Array]:
+        """As ``cell_choice``, of the rows of the light table."""
+        lights = frame.light_rows[: len(self._spec.light_kinds)]
+        power = lights["color"][:, :3].max(axis=-1)
         at = lights["position"][:, :3] + frame.view.position
         place = lights["direction"][:, 3] != LIGHT_KINDS.index("directional")
         ranges, faded = np.where(place, lights["position"][:, 3], 0.0), place & (lights["spot"][:, 3] == 0.0)
         on = np.flatnonzero(power)
         first, entries = cell_choice(self._grid.importance(at[on], power[on], ranges[on], faded[on]))
         entries[:, 1] = on[entries[:, 1].astype(np.int64)]
-        for name, payload in (("light_cells", first.tobytes()), ("light_entries", entries.tobytes() or bytes(8))):
-            self.tables[name].orphan(len(payload))
-            self.tables[name].write(payload)
-        most = int(np.diff(first).max())
-        frame.exact_light = exact_punctual(self._spec) and not (self._spec.pixel_list and most > MOST_EXACT)
-        self._rays = range(0, max(most, 1) * frame.exact_light, LIGHT_CHUNK)
+        return first, entries
 
     def trace(self, frame: FrameContext, resources: dict) -> None:
         """``run`` with other surfaces and other textures for their light in ``resources``."""

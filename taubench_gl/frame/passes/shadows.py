@@ -23,6 +23,7 @@ from taubench_gl.gpu.declare import Pass, RasterPass, Resource, stage
 from taubench_gl.gpu.layout import column_major
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext, fitted
+from taubench_gl.scene.model import Scene
 
 if TYPE_CHECKING:
     import moderngl
@@ -34,6 +35,10 @@ Variant = tuple[Mapping[str, object], tuple[str, ...]]
 """Macros of the shaders that draw a group, and the texture slots they sample."""
 
 
+FIXED_TRIANGLES = 16384
+"""Triangles that no animation moves, from which on their depth is kept: what moves is then drawn over a copy of it."""
+
+
 @stage("shadows", "direct", options=("alpha_mask", "skinning", "morphing"))
 def shadow_maps(spec: FrameSpec) -> Sequence[Pass]:
     """Depth of every shadowed light's faces, all in one atlas."""
@@ -42,20 +47,46 @@ def shadow_maps(spec: FrameSpec) -> Sequence[Pass]:
     faces = spec.light_faces(spec.map_sizes)
     largest = max((f.resolution for f in faces), default=0)
     p = geometry_pass("shadows", "shadow/shadow.frag.glsl", ("base_color",)).attachment("shadow_atlas")
-    p.allocate(
-        Resource.texture(
-            "shadow_atlas",
-            pack(faces, spec.tuning.texture_limit)[1],
-            dtype="depth",
-            label="shadow atlas",
-            what=f"an atlas of {len(faces)} shadow map{'s' * (len(faces) != 1)} of up to {largest} texels",
-            hint="lower --shadow-size or --shadow-lights",
+    for name in ("shadow_atlas", *["fixed_shadow_atlas"] * keeps_fixed_maps(spec)):
+        p.allocate(
+            Resource.texture(
+                name,
+                pack(faces, spec.tuning.texture_limit)[1],
+                dtype="depth",
+                label="shadow atlas",
+                what=f"an atlas of {len(faces)} shadow map{'s' * (len(faces) != 1)} of up to {largest} texels",
+                hint="lower --shadow-size or --shadow-lights",
+            )
         )
-    )
     for posed, primitive in spec.draw_kinds:
         key = spec.material_key(primitive, ())
         p.drawn.append(_variant(key, posed, primitive.material in spec.colored)[0])
     return (p,)
+
+
+def moving_nodes(scene: Scene) -> Array:
+    """Nodes that an animation moves or hides, or bends by weights of its own, (N,) bool."""
+    nodes = scene.nodes
+    moves = np.zeros(len(nodes.parent), dtype=bool)
+    moves[[c.index for c in scene.channels if c.target == "node" and c.path != "weights"]] = True
+    for level in nodes.levels()[1:]:
+        moves[level] |= moves[nodes.parent[level]]
+    return moves
+
+
+def fixed_draws(scene: Scene, draws: tuple[Draw, ...]) -> Array:
+    """Draws that no animation moves, bends or hides, (D,) bool."""
+    moves = moving_nodes(scene)
+    return np.array([not (d.posed or moves[d.node]) for d in draws], dtype=bool)
+
+
+def keeps_fixed_maps(spec: FrameSpec) -> bool:
+    """Whether what stands still has maps of its own: it is much to draw, and something else moves."""
+    moves = moving_nodes(spec.scene)
+    fixed = [(n, p) for n, p in spec.animated.drawn if not moves[n] and not spec.is_posed(n, p)]
+    instances = spec.scene.nodes.instances
+    triangles = sum(len(p.triangles) * len(instances.get(n, (None,))) for n, p in fixed)
+    return len(fixed) < len(spec.animated.drawn) and triangles >= FIXED_TRIANGLES
 
 
 def _variant(key: MaterialKey, posed: bool, colored: bool) -> Variant:
@@ -133,9 +164,11 @@ class FaceDrawer:
         *,
         anchor: AnchoredRecords | None = None,
         parts: Sequence[Rect] | None = None,
+        clear: bool = True,
     ) -> None:
-        """Clear and redraw each face.  Nothing is culled by facing: both sides of a surface stop light.
+        """Redraw each face, without ``clear`` over what is there.
 
+        Nothing is culled by facing: both sides of a surface stop light.
         ``parts``: x, y, width, height of what to redraw of each, texels of the face; the rest stays as it is.
         ``anchor``: up to date, for maps that must not depend on where the camera was when they were drawn.
         """
@@ -153,7 +186,8 @@ class FaceDrawer:
         for at, ((face, (x, y), _), groups) in enumerate(zip(stale, runs, strict=True)):
             viewport = (x, y, face.resolution, face.resolution)
             part = viewport if parts is None else (x + parts[at][0], y + parts[at][1], *parts[at][2:])
-            framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0, viewport=part)
+            if clear:
+                framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0, viewport=part)
             framebuffer.viewport = viewport
             if parts is not None:
                 framebuffer.scissor = part
@@ -210,18 +244,27 @@ class ShadowPass(Owner):
         faces = spec.light_faces(spec.map_sizes)
         self._first_faces = first_faces(faces)
         self._offsets, _ = pack(faces, spec.tuning.texture_limit)
-        self._cache = ShadowMapCache(len(faces))
-        self.atlas = self.own(context.allocate_all([declaration])["shadow_atlas"])
-        self.atlas.compare_func = ""
-        self.atlas.filter = (gpu.ctx.NEAREST, gpu.ctx.NEAREST)
-        framebuffer = self.own(gpu.ctx.framebuffer(depth_attachment=self.atlas))
-        framebuffer.clear(depth=0.0)
+        tables = context.allocate_all([declaration])
+        self.atlas, self._fixed_maps = tables["shadow_atlas"], tables.get("fixed_shadow_atlas")
+        self._drawer, self._cache = self._drawing(context, declaration, self.atlas), ShadowMapCache(len(faces))
+        if self._fixed_maps is not None:
+            self._fixed = fixed_draws(spec.scene, draws)
+            self._fixed_drawer = self._drawing(context, declaration, self._fixed_maps)
+            self._fixed_cache = ShadowMapCache(len(faces))
         self.rows = FACE.zeros(max(len(faces), 1))
         self._padded = FACE.zeros(-(-len(self.rows) // FACE_ROW) * FACE_ROW)
         size = len(FACE.fields) * FACE_ROW, len(self._padded) // FACE_ROW
         self._table = self.own(gpu.ctx.texture(size, 4, dtype="f4"))
-        self._drawer = self.own(FaceDrawer(context, framebuffer, declaration))
         self._anchor = self.own(AnchoredRecords(gpu, draws, spec.animated.bounds[0]))
+
+    def _drawing(self, context: GpuContext, declaration: RasterPass, atlas: moderngl.Texture) -> FaceDrawer:
+        """What draws faces into ``atlas``, which is cleared."""
+        ctx = self._gpu.ctx
+        self.own(atlas).compare_func = ""
+        atlas.filter = (ctx.NEAREST, ctx.NEAREST)
+        framebuffer = self.own(ctx.framebuffer(depth_attachment=atlas))
+        framebuffer.clear(depth=0.0)
+        return self.own(FaceDrawer(context, framebuffer, declaration))
 
     def depths(self) -> Array:
         """The atlas, (h, w) float32 reversed Z, row 0 at the bottom."""
@@ -237,20 +280,41 @@ class ShadowPass(Owner):
         FaceTable(faces).fill(self.rows[: len(faces)], self._offsets, frame.view.position)
         # Nothing reads the maps of a light that is off.
         on = [i for i, face in enumerate(faces) if np.any(light_rows["color"][face.light, :3])]
-        dirty = self._cache.update(np.array(on), FaceTable([faces[i] for i in on]), frame.casters) if on else []
-        stale = [(faces[i], self._offsets[i], seen) for i, _, seen in dirty]
-        parts = [part for _, part, _ in dirty]
         self._padded[: len(self.rows)] = self.rows
         self._table.write(self._padded.tobytes())
         frame.tables |= {"shadow_atlas": self.atlas, "shadow_faces": self._table, "shadow_face_rows": self.rows}
-        self.redrawn = len(stale)
-        if stale:
-            self._anchor.update(frame.placement, frame.buffers.order)
+        self.redrawn = self._redraw(frame, {i: faces[i] for i in on}) if on else 0
+        self._gpu.hazards.wrote([self.atlas], drawn=True)
 
+    def _redraw(self, frame: FrameContext, faces: Mapping[int, Face]) -> int:
+        """Redraw what is out of date of ``faces``, by number; how many were."""
+        rows, table, casters = np.array(list(faces)), FaceTable(list(faces.values())), frame.casters
+        dirty = self._cache.update(rows, table, casters)
+        if dirty:
+            self._anchor.update(frame.placement, frame.buffers.order)
+        if self._fixed_maps is not None:
+            still = self._fixed_cache.update(rows, table, casters.only(self._fixed))
+            self._draw(frame, self._fixed_drawer, faces, still)
+            corners = [self._offsets[i] for i, *_ in dirty]
+            rects = [(x + px, y + py, w, h) for (x, y), (_, (px, py, w, h), _) in zip(corners, dirty, strict=True)]
+            self._gpu.copy_texels(self._fixed_maps, self.atlas, rects)
+            dirty = [(i, part, seen[~self._fixed[seen]]) for i, part, seen in dirty]
+        self._draw(frame, self._drawer, faces, dirty, clear=self._fixed_maps is None)
+        return len(dirty)
+
+    def _draw(
+        self,
+        frame: FrameContext,
+        drawer: FaceDrawer,
+        faces: Mapping[int, Face],
+        dirty: list[tuple[int, Rect, Array]],
+        clear: bool = True,
+    ) -> None:
         @cache
         def variant(group: Group) -> Variant:
             key = frame.materials.keys[group.material + 1]
-            return _variant(key, group.posed, group.material in spec.colored)
+            return _variant(key, group.posed, group.material in self._spec.colored)
 
-        self._drawer.draw(frame, stale, variant, anchor=self._anchor, parts=parts)
-        self._gpu.hazards.wrote([self.atlas], drawn=True)
+        stale = [(faces[i], self._offsets[i], seen) for i, _, seen in dirty]
+        parts = [part for _, part, _ in dirty]
+        drawer.draw(frame, stale, variant, anchor=self._anchor, parts=parts, clear=clear)

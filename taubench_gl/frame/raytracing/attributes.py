@@ -16,7 +16,7 @@ from taubench_gl.frame.geometry import DEFAULTS, Draw
 from taubench_gl.frame.materials import texture_of
 from taubench_gl.frame.raytracing import hit_tables
 from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES, atlas_pixels, plan_atlas
-from taubench_gl.frame.raytracing.emitters import EMITTER, emitter_table
+from taubench_gl.frame.raytracing.emitters import EMITTER, EmitterGroups, emitter_table
 from taubench_gl.frame.raytracing.hit_tables import (
     COLOR_SLOTS,
     DIELECTRIC_SLOTS,
@@ -121,6 +121,7 @@ class HitAttributes:
         self.atlas = stored.atlas
         self.emitters = stored.emitters
         """Rows of the emitter table, ``emitters.EMITTER``."""
+        self.groups = EmitterGroups(self.emitters, draws)
         placed = replace(stored.tables.draws)  # of which each has its own rows
         placed.rows = stored.tables.draws.rows.copy()
         self._tables = replace(stored.tables, draws=placed)
@@ -145,6 +146,7 @@ class HitAttributes:
             f"const uint HIT_MATERIAL_TEXELS = {self.options.material_texels}u;",
             f"const int EMITTERS_AT = {t.places['emitters']}, EMITTER_CELLS_AT = {t.places['cells']};",
             f"const int EMITTER_COUNT = {t.emitters}, EMITTER_CELLS = {emitter_cell_count(t.emitters)};",
+            f"const int EMITTER_GROUP = {self.groups.size};",
         )
         for name in ("hit_static", "hit_draws"):
             # llvmpipe reads an image for half the price of a texture; GPUs have few units for images.

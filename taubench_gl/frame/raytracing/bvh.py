@@ -285,8 +285,8 @@ def _build(boxes, leaf):
         _push(stack, top, middle, end, depth + 1, node)
         _push(stack, top + 1, begin, middle, depth + 1, -1)
         top += 2
-    low, high = nodes_of[:nodes, :3].copy(), -nodes_of[:nodes, 4:7]
-    return low, high, right[:nodes].copy(), first[:nodes].copy(), count[:nodes].copy(), order
+    # Views: what lies behind them was never touched and takes no memory, copies would at the moment when most is taken.
+    return nodes_of[:nodes, :3], -nodes_of[:nodes, 4:7], right[:nodes], first[:nodes], count[:nodes], order
 
 
 @_compiled

@@ -1,12 +1,14 @@
-"""The emitter table: every triangle of an emissive draw, and the probability with which light is sampled there.
+"""The emitter table: every triangle of an emissive draw, its power, and where it is.
 
-Probabilities are proportional to power, area x mean luminance of the emission that the triangle shows, and are a
-function of the scene: areas are the largest over the animation, so that an emitter that grows is found from the start.
+Power is area x mean luminance of the emission that the triangle shows, and a function of the scene: areas are the
+largest over the animation, so that an emitter that grows is found from the start.  Reuse methods sample emitters by
+power; the path tracer by what they bring to the cells of a grid (``metrics.stochastic.LightCells``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,11 +17,25 @@ from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import texels_at, transformed_uv
 from taubench_gl.frame.raytracing.hit_tables import HitOptions, hit_emission
 from taubench_gl.frame.raytracing.instances import changing_nodes
+from taubench_gl.frame.records import Placement
+from taubench_gl.metrics.stochastic import LightCells
 from taubench_gl.scene.model import Material, Primitive, Scene, Texture
 from taubench_gl.srgb import LUMINANCE, srgb_decode
 
 Array = np.ndarray
-EMITTER = np.dtype([("draw", "u4"), ("triangle", "u4"), ("cumulative", "f4"), ("probability", "f4")])
+EMITTER = np.dtype(
+    [
+        ("draw", "u4"),
+        ("triangle", "u4"),
+        ("cumulative", "f4"),
+        ("probability", "f4"),
+        ("center", "f8", 3),
+        ("extent", "f8"),
+    ]
+)
+MOST_GROUPS = 1024
+"""Groups of consecutive triangles that cells tell apart; more triangles are chosen by power within their group."""
+
 SIDE = 4
 """A triangle's emission is taken at SIDE^2 points, from the texture at a size of about as many texels."""
 
@@ -35,6 +51,8 @@ def emitter_table(
 
     ``states``: poses over the animation.  ``pixels``: image -> (h, w, 4) uint8.  Probabilities are differences of the
     rounded cumulative ones, as the shader has them; 0 where only a ray finds the triangle's light, if there is any.
+    ``center``: of the triangle, meters, in the space of its draw, of posed draws the mean over ``states`` in the world;
+    ``extent``: square meters, its area and how far it moves in a posed draw.
     """
     materials = (Material(), *scene.materials)
     rows = [i for i, d in enumerate(draws) if any(hit_emission(materials[d.material + 1], options))]
@@ -42,13 +60,15 @@ def emitter_table(
         return np.zeros(0, EMITTER)
     # What changes may show at other times than those of ``states``.
     may_show = changing_nodes(scene) | np.any([s.visible for s in states], axis=0)
-    areas = _areas(scene, [draws[i] for i in rows], states)
+    shapes = _shapes(scene, [draws[i] for i in rows], states)
     brightness = _Brightness(scene, options, pixels)
-    powers = [may_show[draws[i].node] * a * brightness.of(draws[i]) for i, a in zip(rows, areas, strict=True)]
+    powers = [may_show[draws[i].node] * s.area * brightness.of(draws[i]) for i, s in zip(rows, shapes, strict=True)]
     power = np.nan_to_num(np.concatenate(powers), posinf=0.0)
     out = np.zeros(len(power), EMITTER)
     out["draw"] = np.repeat(rows, [len(p) for p in powers])
     out["triangle"] = np.concatenate([np.arange(len(p)) for p in powers])
+    out["center"] = np.nan_to_num(np.concatenate([s.center for s in shapes]))
+    out["extent"] = np.nan_to_num(np.concatenate([s.area + s.moved for s in shapes]))
     total = power.sum()
     if total > 0.0:
         cumulative = np.cumsum(power) / total
@@ -58,8 +78,50 @@ def emitter_table(
     return out
 
 
-def _areas(scene: Scene, draws: Sequence[Draw], states: Sequence[FrameState]) -> list[Array]:
-    """Largest area of each triangle of each draw over the states that show it, square meters.  (T,) each."""
+def group_size(emitters: int) -> int:
+    """Triangles of each of at most MOST_GROUPS groups of consecutive emitters."""
+    return max(-(-emitters // MOST_GROUPS), 1)
+
+
+class EmitterGroups:
+    """Groups of consecutive emitters as the lights of a grid."""
+
+    def __init__(self, emitters: Array, draws: Sequence[Draw]):
+        self._emitters = emitters
+        self.size = group_size(len(emitters))
+        self._first = np.arange(0, len(emitters), self.size)
+        self.count = len(self._first)
+        self._posed = np.array([d.posed for d in draws], dtype=bool)[emitters["draw"]]
+        self._placed: tuple[Array, ...] = ()
+        self._importance = np.zeros((0, 0))
+
+    def importance(self, grid: LightCells, placement: Placement) -> Array:
+        """What each group brings to each cell of ``grid`` at ``placement``, (1 + cells, G) float64."""
+        e = self._emitters
+        power = e["probability"] * placement.visible[e["draw"]]
+        world = placement.world[e["draw"]]
+        moved = np.einsum("eij,ej->ei", world[:, :3, :3], e["center"]) + world[:, :3, 3]
+        at = np.where(self._posed[:, None], e["center"], moved)
+        if not (self._placed and all(map(np.array_equal, self._placed, (power, at)))):
+            self._placed, total = (power, at), np.add.reduceat(power, self._first)
+            centers = np.add.reduceat(power[:, None] * at, self._first) / np.maximum(total, 1e-30)[:, None]
+            extents = np.add.reduceat(e["extent"], self._first)
+            everywhere = np.full(self.count, True)
+            self._importance = grid.importance(centers, total, np.zeros(self.count), everywhere, extents)
+        return self._importance
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """Triangles of a draw over the states that show it, (T,): largest ``area`` and squared way from their mean place
+    that posed ones ``moved``, square meters; ``center`` (T, 3): as of ``emitter_table``."""
+
+    area: Array
+    center: Array
+    moved: Array | float
+
+
+def _shapes(scene: Scene, draws: Sequence[Draw], states: Sequence[FrameState]) -> list[_Shape]:
     across: dict[tuple[int, int], Array] = {}
     node = np.array([d.node for d in draws])
     local = np.stack([np.eye(4) if d.local is None else d.local for d in draws])
@@ -73,12 +135,16 @@ def _areas(scene: Scene, draws: Sequence[Draw], states: Sequence[FrameState]) ->
             instance = _instance(scene, d)
             poses = [pose_vertices(scene, states[i], d.node, primitive, instance) for i in shown]
             vectors = [_across(p[primitive.triangles]) for p in poses]
+            centers = np.stack([p[primitive.triangles].mean(axis=1) for p in poses])
+            center = centers.mean(axis=0)
+            moved = np.sum((centers - center) ** 2, axis=-1).max(axis=0)
         else:
-            key = d.mesh, d.primitive
+            key, corners = (d.mesh, d.primitive), primitive.positions.astype(np.float64)[primitive.triangles]
             if key not in across:
-                across[key] = _across(primitive.positions.astype(np.float64)[primitive.triangles])
+                across[key] = _across(corners)
             vectors = [across[key] @ _cofactor(linear[i, k]).T for i in (shown[:1] if still[k] else shown)]
-        out.append(np.max([0.5 * np.linalg.norm(v, axis=-1) for v in vectors], axis=0))
+            center, moved = corners.mean(axis=1), 0.0
+        out.append(_Shape(np.max([0.5 * np.linalg.norm(v, axis=-1) for v in vectors], axis=0), center, moved))
     return out
 
 

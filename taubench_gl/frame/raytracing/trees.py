@@ -125,7 +125,10 @@ class StoredTrees:
         return self._tree(parts, self._alpha[draws])
 
     def _tree(self, parts: list[_Part], alpha: Array) -> PlacedTree:
-        """Build the tree over the triangles of ``parts`` and append its nodes and triangles; ``alpha`` (parts,)."""
+        """Build the tree over the triangles of ``parts``, which it empties, and append its nodes and triangles.
+
+        ``alpha`` (parts,) bool: where they test alpha.
+        """
         from taubench_gl.frame.raytracing.bvh import build_over
 
         counts = [len(part.triangles) for part in parts]
@@ -139,7 +142,7 @@ class StoredTrees:
             corners[end : end + count], end = vertices[part.triangles], end + count
         number, draw = np.concatenate([p.number for p in parts]), np.repeat(np.uint32([p.draw for p in parts]), counts)
         flags = np.repeat(alpha.astype(np.uint32), counts)
-        del parts
+        parts.clear()  # the caller has the list
         tree = build_over(corners)
         first = self._nodes.add(texels.node_texels(tree, self._triangles.count // texels.TRIANGLE_TEXELS))
         for at in range(0, len(corners), AT_ONCE):

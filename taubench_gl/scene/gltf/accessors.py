@@ -87,6 +87,7 @@ class Accessors:
 
     def __init__(self, document: Document):
         self.document = document
+        self._all = document.root.accessors or []
         self._views: dict[int, memoryview] = {}
         self._raw: dict[int, Array] = {}
         self._floats: dict[int, Array] = {}
@@ -126,7 +127,7 @@ class Accessors:
         return all(self.document.buffers[v.buffer] is not None or MESHOPT & v.extensions.keys() for v in views)
 
     def get(self, index: int, pointer: str) -> schema.Accessor:
-        return self.document.item("accessors", index, pointer)
+        return self._all[index] if index < len(self._all) else self.document.item("accessors", index, pointer)
 
     def describe(self, index: int, pointer: str) -> str:
         """Type for error messages, such as ``VEC3 of FLOAT``."""
@@ -372,7 +373,7 @@ class Accessors:
 
     def _check_values(self, accessor: schema.Accessor, array: Array, pointer: str) -> None:
         low, high = math3d.bounds(array)
-        if array.dtype == np.float32 and not (np.all(np.isfinite(low)) and np.all(np.isfinite(high))):
+        if array.dtype == np.float32 and not (low.min() > -np.inf and high.max() < np.inf):  # also where NaN is
             bad = int(np.argmin(np.all(np.isfinite(array), axis=1)))
             fault = self.document.error(f"element {bad} is NaN or infinite", pointer, "repair the file")
             if self.document.strict:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 
+from taubench_gl.data_files import read_toml
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.document import Document
 from taubench_gl.scene.model import Material, Nodes, Note
@@ -13,64 +16,24 @@ from taubench_gl.scene.notes import listed
 
 Array = np.ndarray
 
-SUPPORTED: dict[str, tuple[str, ...]] = {
-    "KHR_lights_punctual": ("", "nodes"),
-    "KHR_texture_transform": ("textureInfo",),
-    "KHR_mesh_quantization": (),
-    "KHR_materials_unlit": ("materials",),
-    "KHR_materials_emissive_strength": ("materials",),
-    "KHR_materials_specular": ("materials",),
-    "KHR_materials_ior": ("materials",),
-    "KHR_materials_transmission": ("materials",),
-    "KHR_materials_volume": ("materials",),
-    "KHR_materials_pbrSpecularGlossiness": ("materials",),
-    "KHR_node_visibility": ("nodes",),
-    "KHR_animation_pointer": ("target",),
-    "EXT_mesh_gpu_instancing": ("nodes",),
-    "KHR_draco_mesh_compression": ("primitives",),
-    "EXT_meshopt_compression": ("bufferViews", "buffers"),
-    "KHR_meshopt_compression": ("bufferViews", "buffers"),
-    "EXT_texture_webp": ("textures",),
-    "KHR_texture_basisu": ("textures",),
-}
+
+class _Known(Struct, frozen=True, forbid_unknown_fields=True):
+    """The content of extensions.toml."""
+
+    supported: dict[str, tuple[str, ...]]
+    appearance: dict[str, str]
+
+
+_KNOWN = read_toml(Path(__file__).with_name("extensions.toml"), _Known)
+
+SUPPORTED = _KNOWN.supported
 """Extension -> kinds of object that may carry it ('' is the document itself)."""
+
+APPEARANCE = _KNOWN.appearance
+"""Extension that changes no more than the appearance of surfaces -> what its absence means for the image."""
 
 METADATA_ONLY = frozenset({"KHR_xmp", "KHR_xmp_json_ld"})
 """Extensions that do not change the image: no note is recorded for them."""
-
-APPEARANCE: dict[str, str] = {
-    "KHR_materials_anisotropy": "highlights are round",
-    "KHR_materials_clearcoat": "drawn without the coat",
-    "KHR_materials_diffuse_transmission": "drawn opaque, without light from behind",
-    "KHR_materials_dispersion": "drawn without dispersion",
-    "KHR_materials_iridescence": "drawn without interference colors",
-    "KHR_materials_sheen": "drawn without sheen",
-    "KHR_materials_subsurface": "drawn without subsurface scattering",
-    "KHR_materials_variants": "drawn with the default materials",
-    "KHR_materials_volume_scatter": "drawn without scattering inside",
-    "ADOBE_materials_clearcoat_specular": "drawn without the coat's highlight",
-    "ADOBE_materials_clearcoat_tint": "drawn without the coat's tint",
-    "ADOBE_materials_thin_transparency": "drawn opaque",
-    "EXT_lights_ies": "lights have no measured profile",
-    "EXT_lights_image_based": "give the image to --environment",
-    "KHR_lights_image_based": "give the image to --environment",
-    "EXT_texture_avif": "drawn without these textures, or with their fallback",
-    "GOOGLE_texture_basis": "drawn without these textures, or with their fallback",
-    "KHR_texture_ktx": "drawn without these textures, or with their fallback",
-    "MSFT_texture_dds": "drawn without these textures, or with their fallback",
-    "KHR_texture_procedurals": "drawn without these textures",
-    "KHR_audio_emitter": "has no image",
-    "KHR_physics_rigid_bodies": "bodies move only as the file animates them",
-    "MSFT_lod": "drawn at the highest level of detail",
-    "MSFT_physics": "bodies move only as the file animates them",
-    "VRM": "drawn with metallic-roughness materials, without expressions and spring bones",
-    "VRMC_materials_mtoon": "drawn with metallic-roughness materials instead of toon shading",
-    "VRMC_node_constraint": "bones move only as the file animates them",
-    "VRMC_springBone": "bones move only as the file animates them",
-    "VRMC_vrm": "drawn without expressions and look-at",
-    "VRMC_vrm_animation": "plays as an ordinary animation",
-}
-"""Extension that changes no more than the appearance of surfaces -> what its absence means for the image."""
 
 
 def check_extensions(document: Document) -> None:

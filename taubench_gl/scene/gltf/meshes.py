@@ -412,8 +412,8 @@ class MeshReader:
         """``array`` with colors limited to 0..1, and NaN and infinite texture coordinates and colors replaced."""
         if not name.startswith(("TEXCOORD", "COLOR")) or COMPONENT_NAMES[component_type] != "FLOAT":
             return array
-        wild = ~np.all(np.isfinite(array), axis=1)
-        if np.any(wild):
+        if not np.all(finite := np.isfinite(array)):
+            wild = ~np.all(finite, axis=1)
             message = f"element {int(np.argmax(wild))} is NaN or infinite"
             self.document.repair("nonfinite-attribute", message, pointer, count=int(wild.sum()))
             array = np.where(wild[:, None], np.float32(name.startswith("COLOR")), array)

@@ -90,6 +90,12 @@ def ris(now: Moment, count: int) -> Array:
     return at_lights(now.reflected(), r.light) * (weight * seen)[..., None]
 
 
+def pair_share(others: Array, theirs: Array, count: Array, target: Array) -> Array:
+    """Share of a sample of ``target`` and ``count`` that a pair leaves to the other reservoirs."""
+    total = others * theirs + count * target
+    return others * theirs / np.where(total > 0, total, 1.0)
+
+
 FIRST_TEMPORAL, FIRST_SPATIAL = 256, 272
 """Random numbers of the passes after the candidates."""
 
@@ -115,8 +121,8 @@ class Restir:
     neighbors: int = 3
     rounds: int = 1
     radius: float = 0.0278
-    visibility_reuse: bool = True
-    biased: bool = False
+    visibility_reuse: bool = False
+    combination: str = "pairwise"
 
     def frame(self, now: Moment, before: Moment | None, past: Kept | None, at: Array, reusable: Array):
         """Direct light (h, w, 3) and the reservoirs of the next frame.
@@ -130,7 +136,7 @@ class Restir:
             kept = self.spatial(now, kept, targets, seen, turn)
         visible = at_lights(seen, kept.light)
         light = at_lights(now.reflected(), kept.light) * (kept.weight * visible)[..., None]
-        if self.visibility_reuse and not self.biased:
+        if self.visibility_reuse and self.combination != "biased":
             kept = Kept(kept.light, np.where(visible, kept.weight, 0.0), kept.count)
         return light, kept
 
@@ -142,10 +148,18 @@ class Restir:
             weight = np.where(at_lights(seen, r.light), weight, 0.0)
         return Kept(r.light, weight, np.where(lit, float(self.candidates), 0.0))
 
+    @property
+    def pairwise(self) -> bool:
+        return self.combination == "pairwise"
+
     def closed(self, r: Reservoirs, z: Array, here: Array) -> Kept:
-        z = r.count if self.biased else np.where(here, z, 0.0)
+        z = {"biased": r.count, "unbiased": np.where(here, z, 0.0), "pairwise": np.ones(r.sum.shape)}[self.combination]
         good = (z > 0) & (r.target > 0)
         return Kept(r.light, np.where(good, r.sum / np.where(good, z * r.target, 1.0), 0.0), r.count)
+
+    def could_hold(self, targets: Array, seen: Array) -> Array:
+        """Target of every light for a reservoir that holds no other, (N, h, w)."""
+        return targets * seen if self.visibility_reuse else targets
 
     def temporal(self, now, before, fresh: Kept, past: Kept | None, at, reusable, targets: Array, seen: Array) -> Kept:
         lit = now.surfaces["position"][..., 3] > 0
@@ -160,9 +174,16 @@ class Restir:
             old = Kept(np.where(good, old.light, -1), np.where(good, old.weight, 0.0), count)
         u = now.random(FIRST_TEMPORAL)
         r, own = Reservoirs.empty(lit.shape), np.zeros(lit.shape, dtype=bool)
-        for number, kept in enumerate((fresh, old)):
-            target = at_lights(targets, kept.light)
-            taken = r.offer(kept.light, target, target * kept.weight * kept.count, u[..., number])
+        here = self.could_hold(targets, seen) if self.pairwise else targets
+        there = self.could_hold(before.reflected() @ LUMINANCE, before.visible())[:, y, x] if past is not None else here
+        weights = fresh.count, old.count
+        if self.pairwise:
+            shares = (pair_share(old.count, at_lights(there, k.light), fresh.count, at_lights(here, k.light))
+                      for k in (fresh, old))  # fmt: skip
+            weights = 1.0 - next(shares), next(shares)
+        for number, (kept, weight) in enumerate(zip((fresh, old), weights)):
+            target = at_lights(here, kept.light)
+            taken = r.offer(kept.light, target, target * kept.weight * weight, u[..., number])
             own = np.where(taken, number == 0, own)
         r.count = fresh.count + old.count
         here = own | at_lights(seen, r.light) if self.visibility_reuse else np.ones(lit.shape, dtype=bool)
@@ -197,13 +218,22 @@ class Restir:
         r, origin, places = Reservoirs.empty(lit.shape), np.full(lit.shape, -1), []
         for i in range(self.neighbors + 1):
             y, x, good = self.neighbor(now, turn, i)
-            there = kept.at(y, x)
-            places.append((y, x, good, there.count))
-            target = at_lights(targets, there.light)
+            places.append((y, x, good, np.where(good, kept.count[y, x], 0.0)))
+        others = sum(count for *_, count in places[1:])
+        here = self.could_hold(targets, seen) if self.pairwise else targets
+        share_of_own = np.ones(lit.shape) if self.pairwise else kept.count
+        for i in (*range(1, self.neighbors + 1), 0):
+            y, x, good, count = places[i]
+            there, share = kept.at(y, x), count if i else share_of_own
+            target = at_lights(here, there.light)
+            if self.pairwise and i:
+                theirs, part = self.could_hold(targets, seen)[:, y, x], count / np.where(others > 0, others, 1.0)
+                share = part * pair_share(others, at_lights(theirs, there.light), kept.count, target)
+                lost = pair_share(others, at_lights(theirs, kept.light), kept.count, at_lights(here, kept.light))
+                share_of_own = share_of_own - part * lost
             u = now.random(FIRST_SPATIAL + 16 * turn + i)[..., 2]
-            weight = np.where(good, target * there.weight * there.count, 0.0)
-            origin = np.where(r.offer(there.light, target, weight, u), i, origin)
-            r.count = r.count + np.where(good, there.count, 0.0)
+            origin = np.where(r.offer(there.light, target, target * there.weight * share, u), i, origin)
+            r.count = r.count + count
         z, here = np.zeros(lit.shape), None
         for i, (y, x, good, count) in enumerate(places):
             held = good & at_lights(targets[:, y, x] > 0, r.light)

@@ -30,23 +30,40 @@ void reuse(ivec2 p) {
         write_combined(p, own);
         return;
     }
-    Combined c = nothing_combined();
-    for (int i = 0; i <= neighbors; ++i) {
+    float others = 0.0; // counts of the neighbors with similar surfaces
+    uint near = 0u;
+    for (int i = 1; i <= neighbors; ++i) {
         ivec2 q = neighbor(p, i);
-        float u = random(p, NUMBER + 16 * iteration + i).z;
-        if (i == 0 || similar(x, surface_at(q))) combine(c, x, fetch_combined(q), i, u);
+        if (!similar(x, surface_at(q))) continue;
+        near |= 1u << i;
+        others += fetch_combined(q).count;
     }
+    Combined c = nothing_combined();
+    float own_target = held(x, own, false, true), own_share = PAIRWISE ? 1.0 : own.count;
+    for (int i = 1; i <= neighbors; ++i) {
+        if ((near & (1u << i)) == 0u) continue;
+        ivec2 q = neighbor(p, i);
+        Kept r = fetch_combined(q);
+        float target = held(x, r, false, !PAIRWISE), share = r.count;
+        if (PAIRWISE && r.count > 0.0) {
+            SurfacePoint y = surface_at(q);
+            share = r.count / others * pair_share(others, held(y, r, false, true), own.count, target);
+            own_share -= r.count / others * pair_share(others, held(y, own, false, false), own.count, own_target);
+        }
+        combine(c, r, i, target, share, random(p, NUMBER + 16 * iteration + i).z);
+    }
+    combine(c, own, 0, own_target, own_share, random(p, NUMBER + 16 * iteration).z);
     float z = 0.0; // counts of the reservoirs that could hold the kept sample
     bool here = true;
-    if (c.from >= 0 && combination != COMBINATION_BIASED) {
+    if (c.from >= 0 && combination == COMBINATION_UNBIASED) {
         LightPoint at = light_at(c.kept.light, c.kept.uv);
         for (int i = 0; i <= neighbors; ++i) {
+            if (i > 0 && (near & (1u << i)) == 0u) continue;
             ivec2 q = neighbor(p, i);
             SurfacePoint y = surface_at(q);
-            if (i > 0 && !similar(x, y)) continue;
-            bool held = target_of(y, at) > 0.0 && (c.from == i || !visibility_reuse || visible(y, at));
-            if (held) z += fetch_combined(q).count;
-            if (i == 0) here = held;
+            bool could = target_of(y, at) > 0.0 && (c.from == i || !visibility_reuse || visible(y, at));
+            if (could) z += fetch_combined(q).count;
+            if (i == 0) here = could;
         }
     }
     write_combined(p, closed(c, z, here));

@@ -12,9 +12,9 @@ import math
 
 import numpy as np
 import pygltflib as gl
+from shapes import Shape, box
 
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.shapes import Shape, box
 from taubench_gl.effects.lighting import LUMENS_PER_WATT
 
 SECONDS = 0.5

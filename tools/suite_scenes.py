@@ -1,4 +1,4 @@
-"""Fourteen small scenes of different kinds for path-traced light, 12 frames each, made by code."""
+"""assets/light (``tools/record assets``): fourteen small scenes for path-traced light, 12 frames each."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.light_kit import (
+from light_kit import (
     Tracks,
     block,
     brick_colors,
@@ -25,8 +23,10 @@ from taubench_gl.datasets.light_kit import (
     tiled,
     turn,
 )
-from taubench_gl.datasets.shapes import Shape, box, join, quad, sphere
-from taubench_gl.datasets.stand_ins import LICENSE
+from make_stand_ins import LICENSE
+from shapes import Shape, box, join, quad, sphere
+
+from taubench_gl.datasets.gltf_writer import Writer
 
 
 def surfaces(w: Writer, **colors: tuple[float, float, float]) -> list[int]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from shapes import Shape, box, join
+from valley import height
 
 from taubench_gl import math3d
 from taubench_gl.datasets.camera_path import quat_about
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.shapes import Shape, box, join
-from taubench_gl.datasets.valley import height
 
 Array = np.ndarray
 

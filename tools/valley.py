@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from shapes import Shape, box, grid_indices, join, moved, quad, sphere, tube
 
 from taubench_gl.datasets.camera_path import quat_about
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.shapes import Shape, box, grid_indices, join, moved, quad, sphere, tube
 
 Array = np.ndarray
 

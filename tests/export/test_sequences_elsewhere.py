@@ -1,0 +1,68 @@
+"""Exports of the formats nss and noisebase, read by the programs they are for (long).
+
+TAUBENCH_NSS_PYTHON and TAUBENCH_NOISEBASE_PYTHON name interpreters that have ng-model-gym==0.4.0, and noisebase==1.1.1
+with zarr<3; no environment holds both, or this package beside ng-model-gym.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from learning_scenes import STEPS, moving, previous_pixels
+from test_sequences import LIGHT, SIZES, export, exports, zipped
+
+pytestmark = pytest.mark.long
+__all__ = ["exports"]
+HERE = Path(__file__).parent
+
+
+def run_elsewhere(variable, script, *arguments):
+    """What ``script`` prints, run by the interpreter that ``variable`` names; skips where there is none."""
+    python = os.environ.get(variable)
+    if not python:
+        pytest.skip(f"{variable} names no interpreter")
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(
+        [python, HERE / script, *map(str, arguments)], capture_output=True, text=True, env=environment
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_ng_model_gym_reads_and_warps(exports, tmp_path):
+    export(tmp_path / "cut", "nss", moving("pan", cut_at=5), (32, 18), LIGHT["nss"], frames=(0, 9))
+    folders = [*(exports("nss", kind) for kind in STEPS), tmp_path / "cut"]
+    *read, cut = run_elsewhere("TAUBENCH_NSS_PYTHON", "read_nss.py", *folders)
+    assert cut["windows"] == [[0, 3], [1, 4], [2, 5], [5, 8], [6, 9]]  # none crosses the cut
+    for kind, found in zip(STEPS, read, strict=True):
+        assert found["health"] is None and found["windows"] == [[0, 3], [1, 4], [2, 5]]
+        width, height = SIZES["nss"][kind]
+        assert found["shapes"]["colour_linear"] == [3, 3, height // 2, width // 2]
+        assert found["shapes"]["truth"] == [3, 3, height, width]
+        assert found["exposure"] == 1.0 and found["light"] == pytest.approx(1.0, abs=0.1)
+        for warped, unwarped, swapped in zip(found["warped"], found["unwarped"], found["swapped"], strict=True):
+            assert warped > unwarped + 3 and warped > swapped + 3
+
+
+def test_noisebase_reads_and_warps(exports):
+    rows = [(exports("noisebase", kind), *SIZES["noisebase"][kind], 5, 2) for kind in STEPS]
+    for kind, found in zip(
+        STEPS, run_elsewhere("TAUBENCH_NOISEBASE_PYTHON", "read_noisebase.py", *sum(rows, ())), strict=True
+    ):
+        (width, height), (stored, _) = SIZES["noisebase"][kind], zipped(exports("noisebase", kind) / "scene0000.zip")
+        position = np.moveaxis(stored["position"][4, ..., 0], 0, -1)
+        distance = np.linalg.norm(position - stored["camera_position"][4], axis=-1)
+        np.testing.assert_allclose(found["depth"], np.log1p(1 / distance), atol=1e-6)
+        forward = stored["camera_target"][4] - stored["camera_position"][4]
+        planar = (position - stored["camera_position"][4]) @ forward / np.linalg.norm(forward)
+        expected = previous_pixels(kind, 4, (width, height), np.where(distance > 1e4, 0.0, planar))
+        np.testing.assert_allclose(found["motion"], np.moveaxis(expected, -1, 0)[::-1], atol=2e-3)
+        assert found["colors"] == [1, 3, height, width, 2] and found["normal"] == pytest.approx(1.0, abs=1e-3)
+        assert found["light"] == pytest.approx(found["reference"], rel=0.1)
+        for moved, unmoved, swapped in zip(found["moved"], found["unmoved"], found["swapped"], strict=True):
+            assert moved > unmoved + 1 and moved > swapped + 1
