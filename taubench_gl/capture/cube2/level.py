@@ -135,8 +135,7 @@ def read_level(data: bytes, where: str) -> Level:
             name = r.text(length)
             variables[name] = r.text(r.get("H")) if kind == 2 else r.get("if"[kind & 1])
     else:
-        r.at = 0
-        r.bytes(header)
+        r.bytes(header - r.at)
     r.text(r.get("B") + 1)
     extra, more = r.get("2H")
     r.bytes(more)

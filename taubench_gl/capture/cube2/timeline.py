@@ -134,7 +134,8 @@ class Timeline:
             if event.name == "SHOTFX":
                 player, gun, number, *six = event.values
                 places = np.array(six, float).reshape(2, 3)[:, [1, 0, 2]] * STEP
-                out.append(Shot(self._seconds(event), gun, *places, ends.get((player, gun, number))))
+                end = ends.get((player, gun, number))
+                out.append(Shot(self._seconds(event), gun, *places, end or self.demo.seconds, end is not None))
         return out
 
     def times(self, *names: str) -> Array:
@@ -147,17 +148,19 @@ class Timeline:
 
 @dataclass(frozen=True)
 class Shot:
-    """A shot from ``start`` toward ``goal``, (3,) cubes, right-handed.  ``end``: when it exploded, None: never."""
+    """A shot from ``start`` toward ``goal``, (3,) cubes, right-handed.  ``end``: when it exploded, or the
+    recording ended."""
 
     time: float
     gun: int
     start: Array
     goal: Array
-    end: float | None
+    end: float
+    exploded: bool
 
     def at(self, times: Array) -> Array:
-        """(n, 3) where a rocket is: straight ahead, at most to its goal."""
+        """(n, 3) where a rocket is: straight ahead, at most to its goal, until it explodes."""
         way = self.goal - self.start
         length = np.linalg.norm(way)
-        along = np.clip((np.asarray(times) - self.time) * SPEED, 0, length)
+        along = np.clip((np.minimum(times, self.end) - self.time) * SPEED, 0, length)
         return self.start + along[:, None] * normalize(way)

@@ -48,26 +48,25 @@ def _material(
     file: SceneFile, files: Files, slot: int, texture: Texture | None, places: Array, sides: Array
 ) -> tuple[int, Array]:
     """The material of a slot, and the texture coordinates of its corners."""
-    try:
-        if texture is None:
-            raise SceneError(f"the map's configuration has no texture {slot}")
-        image, size = files.pixels(texture.image), files.size(texture.image)
-    except SceneError as error:  # one image of many: the game goes on as well
-        file.lost[f"texture {slot}: {error.what}"] += 1
+
+    def pixels(name: str | None) -> Array | None:
+        try:
+            return None if name is None else files.pixels(name)[..., :3]
+        except SceneError as error:  # one image of many: the game goes on as well
+            file.lost[f"image {name}: {error.what}"] += 1
+            return None
+
+    image = pixels(None if texture is None else texture.image)
+    if texture is None or image is None:
+        file.lost["textures of the map, which are gray"] += 1
         return file.writer.material(f"slot {slot}", (0.5, 0.5, 0.5)), np.zeros((len(places), 2))
-    normal = None
-    try:
-        if texture.normal is not None:
-            # Green of the game's normal maps points down the image, that of glTF up.
-            pixels = files.pixels(texture.normal)[..., :3] * [1, -1, 1] + [0, 255, 0]
-            normal = file.writer.texture(pixels.astype(np.uint8))
-            file.counts["normal maps"] += 1
-    except SceneError:
-        file.lost["normal maps that are missing"] += 1
-    color = file.writer.texture(np.ascontiguousarray(image[..., :3]), lossy=True)
-    shown = tuple(np.clip(texture.color, 0, 1).tolist())
-    material = file.writer.material(f"slot {slot}", shown, roughness=0.9, texture=color, normal=normal)
-    return material, texture_coordinates(places, sides, texture, size)
+    bumps, normal = pixels(texture.normal), None
+    if bumps is not None:  # green of the game's normal maps points down the image, that of glTF up
+        normal = file.writer.texture((bumps * [1, -1, 1] + [0, 255, 0]).astype(np.uint8))
+        file.counts["normal maps"] += 1
+    color, shown = file.writer.texture(np.ascontiguousarray(image), lossy=True), np.clip(texture.color, 0, 1).tolist()
+    material = file.writer.material(f"slot {slot}", tuple(shown), roughness=0.9, texture=color, normal=normal)
+    return material, texture_coordinates(places, sides, texture, files.size(texture.image))
 
 
 def add_lights(file: SceneFile, level: Level) -> None:
