@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.math3d import normalize
 
 Array = np.ndarray
 
@@ -95,6 +96,13 @@ def axes(angles: Array) -> Array:
     rows = (cp * cy, cp * sy, -sp, sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp,
             cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp)  # fmt: skip
     return np.stack(rows, -1).reshape(*p.shape, 3, 3)
+
+
+def rows_along(forward: Array) -> Array:
+    """(n, 3) unit directions -> (n, 3, 3) rows forward, left, up, level where they are not upright."""
+    upright = np.abs(forward[:, 2:]) < 0.99
+    left = normalize(np.cross(np.where(upright, [0.0, 0, 1], [1.0, 0, 0]), forward))
+    return np.stack([forward, left, np.cross(forward, left)], 1)
 
 
 def changes(values: Array) -> Array:

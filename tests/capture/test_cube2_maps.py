@@ -9,8 +9,7 @@ import pytest
 from cube2_files import CONFIG, EMPTY, SOLID, cube, hall, map_bytes, slope, write_game
 
 from taubench_gl.capture.cube2.faces import drawn_triangles
-from taubench_gl.capture.cube2.level import read_level
-from taubench_gl.capture.cube2.octree import ALPHA, CORNERS
+from taubench_gl.capture.cube2.level import ALPHA, CORNERS, read_level
 from taubench_gl.capture.cube2.textures import Files, Texture, read_textures, texture_coordinates
 from taubench_gl.errors import SceneError
 

@@ -60,7 +60,6 @@ class Demo:
     rows: Array
     events: list[Event]
     ms: tuple[int, int]
-    packets: int
     truncated: bool
 
     @property
@@ -142,7 +141,7 @@ def decode(data: bytes, name: str) -> Demo:
     table = np.array(rows, np.int64).reshape(-1, 8)
     if not len(table):
         raise SceneError("holds no place of a player", where=name, hint="give a recording of a match that was played")
-    return Demo(name, table, events, (first or 0, last or 0), packets, not whole or reader.at < len(content))
+    return Demo(name, table, events, (first or 0, last or 0), not whole or reader.at < len(content))
 
 
 def _message(p: _Packet, ms: int, sender: int, rows: list, events: list[Event]) -> None:

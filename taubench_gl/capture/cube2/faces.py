@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taubench_gl.capture.cube2.octree import ALPHA, MOST_CORNERS, Cubes
+from taubench_gl.capture.cube2.level import ALPHA, MOST_CORNERS, Cubes
 
 Array = np.ndarray
 
@@ -39,9 +39,8 @@ def _side(cubes: Cubes, side: int, stored: Array) -> tuple[Array, Array, Array]:
     cube = np.flatnonzero(~cubes.empty & (cubes.slots[:, side] != SKY))
     merged = (cubes.merged[cube] >> side & 1).astype(bool)
     cube, merged = (values[~merged | (stored[cube] >= 0)] for values in (cube, merged))
-    step = np.zeros(3, int)
-    step[dim] = 1
-    beyond = cubes.find(cubes.origins[cube] + np.where(out, cubes.sizes[cube], -1)[:, None] * step)
+    step = np.where(out, cubes.sizes[cube], -1)[:, None] * np.eye(3, dtype=int)[dim]
+    beyond = cubes.find(cubes.origins[cube] + step)
     corner = cubes.corners(cube, np.full(len(cube), side))
     touches = corner[..., dim] == 8 * out
     wall = cubes.solid[beyond] & (cubes.sizes[beyond] >= cubes.sizes[cube]) & _opaque(cubes, beyond, cube)

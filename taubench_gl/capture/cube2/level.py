@@ -1,16 +1,18 @@
-"""Maps of Cube 2 (.ogz), versions 20 to 33: header, variables, entities, texture slots, cubes.
+"""Maps of Cube 2 (.ogz), versions 20 to 33: header, variables, entities, texture slots, and cubes.
 
-Layout: the engine's ``src/engine/worldio.cpp``.  Lightmaps and visibility, which follow, are not read.
+The cubes are a tree of eight parts whose leaves are cubes with moved corners.  They are read in one pass over the bytes
+that notes where the values of each lie; all else is NumPy.  Lightmaps and visibility, which follow, are not read.
+Layout: the engine's ``src/engine/worldio.cpp``.  Lengths are cubes, axes are the engine's: left-handed, +Z up.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 
-from taubench_gl.capture.cube2.octree import Cubes, read_cubes
 from taubench_gl.capture.cube2.packed import Reader, unpacked
 from taubench_gl.errors import SceneError
 from taubench_gl.memory_budget import require
@@ -23,6 +25,81 @@ OLDEST, OLDEST_WHOLE, CURRENT = 20, 29, 33
 """Versions: the first that is read, the first that is read whole, and the engine's."""
 _CHANGES = (("scale", "f"), ("rotation", "i"), ("offset", "2i"), ("scroll", "2f"), ("layer", "i"), ("alpha", "2f"),
             ("color", "3f"))  # fmt: skip
+
+
+CORNERS = np.array(
+    [[[0, 1, 1], [0, 1, 0], [0, 0, 0], [0, 0, 1]], [[1, 1, 1], [1, 0, 1], [1, 0, 0], [1, 1, 0]],
+     [[1, 0, 1], [0, 0, 1], [0, 0, 0], [1, 0, 0]], [[0, 1, 0], [0, 1, 1], [1, 1, 1], [1, 1, 0]],
+     [[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]], [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]]
+)  # fmt: skip
+"""(6, 4, 3) corners of the faces -x, +x, -y, +y, -z, +z, clockwise seen from outside in the left-handed axes."""
+_FIRST, _SECOND = np.array([2, 0, 1]), np.array([1, 2, 0])
+"""The axes along a face in the order in which corners of merged faces are stored."""
+_CHILDREN, _EMPTY, _SOLID, _CUT = range(4)
+MOST_CORNERS = 15
+_OLD_MATERIALS = np.array([0, 1, 32, 3 | 32, 64, 2 | 256, 96, 256])  # before version 27, by number
+ALPHA = 0x400
+"""Bit of ``material``: the cube is drawn see-through."""
+_CUBE_BYTES = 600  # of one cube while a map is read and its faces are found
+
+
+@dataclass(frozen=True)
+class Cubes:
+    """The n cubes of a map in the order of its file, which is the Z order of their places.
+
+    ``edges``: both ends of each of 12 edges as half bytes, in eighths; ``slots``: texture of each face; ``merged``: a
+    bit of each face that belongs to a larger polygon, and eight higher of each that is drawn whole.  ``polygons``:
+    (m, 3) cube, face and number of corners of stored polygons; ``stored``: (m, 15, 3) their corners in eighths of a
+    cube.
+    """
+
+    size: int
+    sizes: Array  # (n,)
+    edges: Array  # (n, 12) uint8
+    slots: Array  # (n, 6)
+    material: Array  # (n,) volume in bits 0 to 2
+    merged: Array  # (n,)
+    polygons: Array
+    stored: Array
+
+    @cached_property
+    def codes(self) -> Array:
+        """(n,) places along the Z order, in cubes of 1."""
+        volume = self.sizes**3
+        return np.cumsum(volume) - volume
+
+    @cached_property
+    def origins(self) -> Array:
+        """(n, 3) the corners with the least coordinates."""
+        bits = np.arange(16)
+        return np.stack([((self.codes[:, None] >> (3 * bits + axis) & 1) << bits).sum(1) for axis in range(3)], 1)
+
+    @cached_property
+    def empty(self) -> Array:
+        """(n,) bool.  As in the engine, also cubes whose edges cross, or that are flat along an axis."""
+        low, high = self.edges & 15, self.edges >> 4
+        flat = (low == high).reshape(-1, 3, 4).all(2) | (high < low).reshape(-1, 3, 4).any(2)
+        return flat.any(1)
+
+    @cached_property
+    def solid(self) -> Array:
+        return (self.edges == 0x80).all(1)
+
+    def find(self, places: Array) -> Array:
+        """(k,) numbers of the cubes at (k, 3) whole places; -1 outside of the map."""
+        inside = ((places >= 0) & (places < self.size)).all(1)
+        bits = np.arange(16)
+        spread = (np.where(inside[:, None], places, 0)[..., None] >> bits & 1) << (3 * bits)
+        code = (spread.sum(2) << np.arange(3)).sum(1)
+        return np.where(inside, np.searchsorted(self.codes, code, "right") - 1, -1)
+
+    def corners(self, cubes: Array, faces: Array) -> Array:
+        """(k, 4, 3) corners of faces, in eighths of the cube's size."""
+        at, axes = CORNERS[faces], []
+        for a in range(3):
+            edge = self.edges[cubes[:, None], 4 * a + at[..., (a + 1) % 3] + 2 * at[..., (a + 2) % 3]]
+            axes.append(np.where(at[..., a], edge >> 4, edge & 15))
+        return np.stack(axes, -1).astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -53,10 +130,12 @@ def read_level(data: bytes, where: str) -> Level:
     variables, slots = {}, 0
     if version > 28:
         _, count, slots = (*r.get("2i"), 0) if version == 29 else r.get("3i")
-        variables = _read_variables(r, count)
+        for _ in range(count):
+            kind, length = r.get("BH")
+            name = r.text(length)
+            variables[name] = r.text(r.get("H")) if kind == 2 else r.get("if"[kind & 1])
     else:
-        r.at = 0
-        r.bytes(header)
+        r.bytes(header - r.at)
     r.text(r.get("B") + 1)
     extra, more = r.get("2H")
     r.bytes(more)
@@ -68,18 +147,6 @@ def read_level(data: bytes, where: str) -> Level:
         raise r.bad("has entities whose places are no numbers")
     read = _read_slots(r, slots)
     return Level(version, variables, table, read, read_cubes(r, size, version))
-
-
-def _read_variables(r: Reader, count: int) -> dict[str, Any]:
-    """Settings of the map by name: integers, numbers and texts."""
-    out: dict[str, Any] = {}
-    for _ in range(count):
-        kind, length = r.get("BH")
-        name = r.text(length)
-        if kind > 2:
-            raise r.bad(f"has a variable of unknown kind {kind}")
-        out[name] = r.text(r.get("H")) if kind == 2 else r.get("if"[kind])
-    return out
 
 
 def _read_slots(r: Reader, count: int) -> list[tuple[int, dict[str, Any]]]:
@@ -100,6 +167,185 @@ def _read_slots(r: Reader, count: int) -> list[tuple[int, dict[str, Any]]]:
         for bit, (name, form) in enumerate(_CHANGES, 1):
             if changed >> bit & 1:
                 changes[name] = r.get(form)
+                if not np.isfinite(changes[name]).all():
+                    raise r.bad("has a texture slot with values that are no numbers")
         out.append((previous, changes))
         count -= 1
     return out
+
+
+def _layout(flags: Array, count: Array) -> tuple[Array, Array, Array, Array]:
+    """Of stored polygons: whether two corners of a box stand for all four, bytes before the corners, bytes of each,
+    bytes after all; numbers or arrays of the two bytes that say so."""
+    four, twice = count & MOST_CORNERS == 4, 1 + (count >> 7)
+    box, same_uv, same_normal = four & (flags & 5 == 5), four & (flags & 0x42 == 0x42), flags & 0x88 == 0x88
+    uv = 4 * (flags >> 6 & 1) * (1 - same_uv)
+    each = 4 * (flags >> 2 & 1) * (1 - box) + uv + 2 * (flags >> 7) * (1 - same_normal)
+    return box, 8 * box + 8 * twice * same_uv + 2 * same_normal, each, (twice - 1) * uv * (count & MOST_CORNERS)
+
+
+@cache
+def _polygon_bytes(flags: int, count: int) -> int:
+    """Bytes of a stored polygon after the four of its head."""
+    _, before, each, after = _layout(flags, count)
+    return int(before + each * (count & MOST_CORNERS) + after) if count & MOST_CORNERS else 0
+
+
+def read_cubes(reader: Reader, size: int, version: int) -> Cubes:
+    """The cubes at the place of the reader, which then is after them.  Raises SceneError."""
+    data, where = reader.data, reader.where
+    try:
+        rows, polygons, reader.at = _scan(data, reader.at, size, version, where)
+        reader.bytes(0)
+    except IndexError:
+        raise SceneError("ends inside of its cubes", where=where, hint="the map is damaged") from None
+    kind, level, at, material, merged = np.array(rows, np.int64).reshape(-1, 5).T
+    raw = np.frombuffer(data, np.uint8)
+    edges = np.where(kind == _SOLID, 0x80, 0).astype(np.uint8)[:, None].repeat(12, 1)
+    cut = kind == _CUT
+    edges[cut] = raw[at[cut, None] + np.arange(12)]
+    after = at + 12 * cut
+    slots = raw[after[:, None] + np.arange(12)].view("<u2").astype(np.int64)
+    if version < 27:
+        material = _OLD_MATERIALS[np.where(material < len(_OLD_MATERIALS), material, 0)]
+    elif version < 33:
+        material = material & 7 | (material >> 3 & 3) << 5 | (material >> 5 & 7) << 8
+    table = np.array(polygons, np.int64).reshape(-1, 3)
+    cubes = Cubes(size, size >> level, edges, slots, material, merged, table, table)
+    polygons, stored = _stored(cubes, raw, table, version)
+    return replace(cubes, polygons=polygons, stored=stored)
+
+
+def _scan(data: bytes, at: int, size: int, version: int, where: str) -> tuple[list[int], list[int], int]:
+    """Five numbers a cube: kind, depth, byte of its values, material, merged faces; three numbers a stored polygon:
+    cube, face, byte; and the byte after all."""
+    rows: list[int] = []
+    polygons: list[int] = []
+    left, deepest, number, new = [8], size.bit_length() - 1, 0, version > 31
+    while left:
+        if not left[-1]:
+            left.pop()
+            continue
+        left[-1] -= 1
+        kind = data[at]
+        at += 1
+        which, material, merged, start = kind & 7, 0, 0, at
+        if which > _CUT or (which == _CHILDREN and len(left) >= deepest):
+            raise SceneError(f"byte {at - 1} holds no cube", where=where, hint="the map is damaged")
+        if which == _CHILDREN:
+            left.append(8)
+            continue
+        at += 24 if which == _CUT else 12
+        if new:
+            if kind & 0x40:
+                material = data[at] if version == 32 else data[at] | data[at + 1] << 8
+                at += 1 if version == 32 else 2
+            if kind & 0x80:
+                merged = data[at]
+                at += 1
+            if kind & 0x20:
+                at = _scan_polygons(data, at, number, polygons)
+        else:
+            material, merged, at = _scan_old(data, at, version, kind, number, polygons)
+        rows += (which, len(left), start, material, merged)
+        number += 1
+        if number & 0xFFFF == 0:
+            require(number * _CUBE_BYTES, "its cubes", SceneError, where)
+    require(number * _CUBE_BYTES, "its cubes", SceneError, where)
+    return rows, polygons, at
+
+
+def _scan_polygons(data: bytes, at: int, number: int, polygons: list[int]) -> int:
+    """The byte after the stored polygons of a cube of version 32 or 33."""
+    mask, at = data[at], at + 2
+    for face in range(6):
+        if mask >> face & 1:
+            flags, count = data[at + 2], data[at + 3]
+            if count & MOST_CORNERS:
+                polygons += (number, face, at)
+            at += 4 + _polygon_bytes(flags, count)
+    return at
+
+
+def _scan_old(data: bytes, at: int, version: int, kind: int, number: int, polygons: list[int]) -> tuple[int, int, int]:
+    """Material and merged faces of a cube before version 32, and the byte after it."""
+    mask, material, merged = data[at], 0, 0
+    at += 1
+    if mask & 0x80:
+        material = data[at]
+        at += 1
+    more = lit = 0
+    for face in range(6):
+        if mask >> face & 1:
+            more += data[at + 15] >> 1 & 1  # a second layer follows
+            lit |= (data[at + 14] > 5 or data[at + 15] > 0) << face  # with a lightmap
+            at += 28 if mask & 0x40 else 16
+    at += 16 * more
+    whole = 0
+    if kind & 0x80:
+        merged = data[at]
+        at += 1
+        if merged & 0x80:
+            whole, at = data[at], at + 1
+            for face in range(6):
+                if whole >> face & 1:
+                    polygons += (number, face, at)
+                    at += 8
+    return material, merged & 0x3F & (whole | ~lit) | lit << 8, at  # a face with a light of its own is drawn alone
+
+
+def _stored(cubes: Cubes, raw: Array, table: Array, version: int) -> tuple[Array, Array]:
+    """``polygons`` and ``stored`` of Cubes.  Two coordinates of a corner are stored, the third lies in the plane of its
+    face; all count from the nearest multiple of 4096 cubes."""
+    cube, face, at = table.T
+    corner = cubes.corners(cube, face)
+    origin = (cubes.origins[cube] & 0xFFF) * 8
+    places = corner * cubes.sizes[cube][:, None, None] + origin[:, None]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    if version > 31:
+        other = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 0])
+        normal = np.where(normal.any(1)[:, None], normal, other)
+    bias = -(normal * places[:, 0]).sum(1)
+    out = np.zeros((len(table), MOST_CORNERS, 3), np.int64)
+
+    def put(rows: Array, k: int, one: Array, two: Array) -> None:
+        dim = face[rows] >> 1
+        across = np.take_along_axis(normal[rows], np.stack([dim, _FIRST[dim], _SECOND[dim]], 1), 1)
+        total = -(bias[rows] + across[:, 1] * one + across[:, 2] * two)
+        third = np.abs(total) // np.maximum(np.abs(across[:, 0]), 1) * np.sign(total) * np.sign(across[:, 0])  # as in C
+        third = np.where(across[:, 0] == 0, origin[rows, dim], third)
+        out[rows, k, dim], out[rows, k, _FIRST[dim]], out[rows, k, _SECOND[dim]] = third, one, two
+
+    def word(rows: Array, offset: Array | int) -> Array:
+        start = at[rows] + offset
+        return raw[start].astype(np.int64) | raw[start + 1].astype(np.int64) << 8
+
+    rows = np.arange(len(table))
+    if version < 32:  # boxes of the corners' least and greatest coordinates
+        box = [word(rows, 2 * k) for k in range(4)]
+        if version < 26:
+            box = [(value - (box[k & 2] & 0xE000)) * 4 & 0xFFFF for k, value in enumerate(box)]
+        for k in range(4):
+            high = CORNERS[face, k]
+            sides = (
+                np.where(high[rows, axis[face >> 1]], box[i + 1], box[i]) for i, axis in ((0, _FIRST), (2, _SECOND))
+            )
+            put(rows, k, *sides)
+        count, good = np.full(len(table), 4), (box[0] < box[1]) & (box[2] < box[3])
+    else:
+        flags, layers = raw[at + 2].astype(np.int64), raw[at + 3].astype(np.int64)
+        count, (boxes, before, each, _) = layers & MOST_CORNERS, _layout(flags, layers)
+        good = count > 2
+        plain = rows[flags & 4 == 0]  # the corners of the cube's face itself
+        for k in range(4):
+            skip = (count[plain] < 4) & (flags[plain] & 2 != 0) & (k > 0)
+            out[plain, k] = places[plain, (flags[plain] & 1) + k + skip & 3]
+        box, free = rows[boxes], rows[(flags & 4 != 0) & ~boxes]
+        sides = [word(box, 4 + 2 * k) for k in range(4)]
+        for k, (one, two) in enumerate(((0, 1), (0, 3), (2, 3), (2, 1))):
+            put(box, k, sides[one], sides[two])
+        for k in range(MOST_CORNERS):
+            some = free[count[free] > k]
+            put(some, k, *(word(some, 4 + before[some] + k * each[some] + i) for i in (0, 2)))
+    out += ((cubes.origins[cube] & ~0xFFF) * 8)[:, None]
+    return np.stack([cube, face, count], 1)[good], out[good]

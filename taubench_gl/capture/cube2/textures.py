@@ -24,8 +24,10 @@ DEBIAN_DATA = Path("/usr/share/games/cube2")
 INSTALL = "apt-get install cube2 cube2-data"
 TEXTURE = 512
 """Most pixels a side of a texture."""
-MAX_CONFIG, MAX_SLOTS, MAX_DEPTH = 1 << 20, 65536, 8
-_WORD = re.compile(r'"([^"]*)"|([^\s"]+)')
+MAX_LINES = 100_000
+"""Of all configurations of a map."""
+_EXEC, _NUMBER = re.compile(r'\s*exec\s+"?([^"\s]+)'), re.compile(r"-?\d{1,6}(?:\.\d{0,6})?")
+_TEXTURE = re.compile(r'\s*texture\s+"?(\w+)"?\s+"?(?:<[^>]*>)*([^"\s]+)"?(.*)')
 _FLIPS = np.array([[0, 0, 0], [0, 1, 1], [1, 1, 0], [1, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], bool)
 """Mirrored across, mirrored down, axes exchanged; by the number of a rotation."""
 
@@ -92,50 +94,48 @@ class Files:
 
 def read_textures(level: Level, files: Files, map_name: str) -> dict[int, Texture]:
     """Number of a slot, as faces have it -> its texture."""
-    plain: list[Texture] = []
-    for name in ("data/default_map_settings.cfg", f"packages/base/{map_name}.cfg"):
-        _run(files, name, plain, 0)
+    plain, count = _configured(files, map_name), len(level.slots)
     # The n-th slot of the map without changes is the n-th of the configuration; maps before version 30 have none.
-    count = len(level.slots)
     unchanged = [number for number, (_, changes) in enumerate(level.slots) if not changes]
     out = dict(zip([*unchanged, *range(count, count + len(plain))], plain, strict=False))
-    for number, (root, changes) in enumerate(level.slots):
-        for _ in range(count):  # back to the slot that is changed
-            if 0 <= root < count and level.slots[root][1]:
-                root = level.slots[root][0]
-        if changes and root in out:
+    root = np.array(
+        [slot if changes and 0 <= slot < count else i for i, (slot, changes) in enumerate(level.slots)], int
+    )
+    for _ in range(20):  # twice as far back each time
+        root = root[root]
+    for number, (_, changes) in enumerate(level.slots):
+        if changes and root[number] in out:
             known = {name: value for name, value in changes.items() if name in Texture.__dataclass_fields__}
-            out[number] = replace(out[root], **known)
+            out[number] = replace(out[root[number]], **known)
     return out
 
 
-def _run(files: Files, name: str, slots: list[Texture], depth: int) -> None:
-    path = files.path(name)
-    if path is None or depth > MAX_DEPTH:
-        return
-    in_material = False
-    for line in read_bytes(path, SceneError, max_bytes=MAX_CONFIG).decode("latin-1").splitlines():
-        words = [a or b for a, b in _WORD.findall(line.partition("//")[0])]
-        if words[:1] == ["exec"] and len(words) == 2:
-            _run(files, words[1], slots, depth + 1)
-        elif words == ["texturereset"]:
-            slots.clear()
-        elif words[:1] == ["texture"] and len(words) > 2 and len(slots) < MAX_SLOTS:
-            image = "packages/" + re.sub("<[^>]*>", "", words[2])
-            if words[1] in ("0", "c"):
-                rotation, x, y, scale = (_number(word) for word in [*words[3:7], "0", "0", "0", "0"][:4])
-                slots.append(Texture(image, None, int(rotation), (int(x), int(y)), scale))
-            in_material = words[1] not in ("0", "c") and (in_material or len(words[1]) > 1)
-            if words[1] == "n" and slots and not in_material:
-                slots[-1] = replace(slots[-1], normal=image)
-
-
-def _number(word: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        return 0.0
-    return value if abs(value) < 1e6 else 0.0
+def _configured(files: Files, map_name: str) -> list[Texture]:
+    """The textures of a map's configuration, after the default one."""
+    out: list[Texture] = []
+    lines, left, in_material = (
+        [f"exec packages/base/{map_name}.cfg", "exec data/default_map_settings.cfg"],
+        MAX_LINES,
+        False,
+    )
+    while lines:
+        line = lines.pop().partition("//")[0]
+        if found := _EXEC.match(line):
+            more = (files.read(found[1]) or b"").decode("latin-1").splitlines()[:left]
+            left -= len(more)
+            lines += more[::-1]
+        elif line.strip() == "texturereset":
+            out.clear()
+        elif found := _TEXTURE.match(line):
+            kind, image, rest = found.groups()
+            first = kind in ("0", "c")
+            in_material = not first and (in_material or len(kind) > 1)  # the images of water and lava
+            if first:
+                rotation, x, y, scale = [*map(float, _NUMBER.findall(rest)), 0.0, 0.0, 0.0, 0.0][:4]
+                out.append(Texture(f"packages/{image}", None, int(rotation), (int(x), int(y)), scale))
+            elif kind == "n" and out and not in_material:
+                out[-1] = replace(out[-1], normal=f"packages/{image}")
+    return out
 
 
 def texture_coordinates(places: Array, sides: Array, texture: Texture, size: tuple[int, int]) -> Array:

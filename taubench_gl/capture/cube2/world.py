@@ -6,8 +6,7 @@ import numpy as np
 
 from taubench_gl.capture import light
 from taubench_gl.capture.cube2.faces import drawn_triangles
-from taubench_gl.capture.cube2.level import LIGHT, MODEL, SPOTLIGHT, Level
-from taubench_gl.capture.cube2.octree import ALPHA
+from taubench_gl.capture.cube2.level import ALPHA, LIGHT, MODEL, SPOTLIGHT, Level
 from taubench_gl.capture.cube2.textures import Files, Texture, read_textures, texture_coordinates
 from taubench_gl.capture.parts import MIRROR, SceneFile
 from taubench_gl.errors import SceneError
@@ -17,7 +16,6 @@ Array = np.ndarray
 
 RIGHT_HANDED = [1, 0, 2]
 """Axes of ``capture.recording`` from the engine's: along +y, and +x to the left."""
-_VOLUMES = {1: "cubes of water", 2: "cubes of lava", 3: "cubes of glass"}
 
 
 def add_world(file: SceneFile, level: Level, files: Files, map_name: str) -> None:
@@ -35,39 +33,40 @@ def add_world(file: SceneFile, level: Level, files: Files, map_name: str) -> Non
         primitives.append(file.primitive(*axes, uvs, triangles, material))
     file.counts["triangles of the map"] += len(slots)
     file.writer.node("world", **({"mesh": file.writer.mesh(map_name, *primitives)} if primitives else {}))
-    cubes = level.cubes
-    for number, name in _VOLUMES.items():
-        file.lost[name] += int((cubes.material & 7 == number).sum())
-    file.lost["see-through cubes, which are opaque"] += int((cubes.material & ALPHA != 0).sum())
-    kinds = level.entities["kind"]
-    file.lost["models of the map"] += int((kinds == MODEL).sum())
-    file.lost["items, teleports and other things of the map"] += int((kinds > SPOTLIGHT).sum())
+    material, kind = level.cubes.material, level.entities["kind"]
+    lost = {
+        "cubes of water, lava or glass": material & 7 > 0,
+        "see-through cubes, which are opaque": material & ALPHA > 0,
+        "models of the map": kind == MODEL,
+        "spotlights": kind == SPOTLIGHT,
+        "items, teleports and other things of the map": kind > SPOTLIGHT,
+    }
+    file.lost.update({name: int(found.sum()) for name, found in lost.items()})
 
 
 def _material(
     file: SceneFile, files: Files, slot: int, texture: Texture | None, places: Array, sides: Array
 ) -> tuple[int, Array]:
     """The material of a slot, and the texture coordinates of its corners."""
-    try:
-        if texture is None:
-            raise SceneError(f"the map's configuration has no texture {slot}")
-        image, size = files.pixels(texture.image), files.size(texture.image)
-    except SceneError as error:  # one image of many: the game goes on as well
-        file.lost[f"texture {slot}: {error.what}"] += 1
+
+    def pixels(name: str | None) -> Array | None:
+        try:
+            return None if name is None else files.pixels(name)[..., :3]
+        except SceneError as error:  # one image of many: the game goes on as well
+            file.lost[f"image {name}: {error.what}"] += 1
+            return None
+
+    image = pixels(None if texture is None else texture.image)
+    if texture is None or image is None:
+        file.lost["textures of the map, which are gray"] += 1
         return file.writer.material(f"slot {slot}", (0.5, 0.5, 0.5)), np.zeros((len(places), 2))
-    normal = None
-    try:
-        if texture.normal is not None:
-            # Green of the game's normal maps points down the image, that of glTF up.
-            pixels = files.pixels(texture.normal)[..., :3] * [1, -1, 1] + [0, 255, 0]
-            normal = file.writer.texture(pixels.astype(np.uint8))
-            file.counts["normal maps"] += 1
-    except SceneError:
-        file.lost["normal maps that are missing"] += 1
-    color = file.writer.texture(np.ascontiguousarray(image[..., :3]), lossy=True)
-    shown = tuple(np.clip(np.nan_to_num(texture.color, nan=1.0), 0, 1).tolist())
-    material = file.writer.material(f"slot {slot}", shown, roughness=0.9, texture=color, normal=normal)
-    return material, texture_coordinates(places, sides, texture, size)
+    bumps, normal = pixels(texture.normal), None
+    if bumps is not None:  # green of the game's normal maps points down the image, that of glTF up
+        normal = file.writer.texture((bumps * [1, -1, 1] + [0, 255, 0]).astype(np.uint8))
+        file.counts["normal maps"] += 1
+    color, shown = file.writer.texture(np.ascontiguousarray(image), lossy=True), np.clip(texture.color, 0, 1).tolist()
+    material = file.writer.material(f"slot {slot}", tuple(shown), roughness=0.9, texture=color, normal=normal)
+    return material, texture_coordinates(places, sides, texture, files.size(texture.image))
 
 
 def add_lights(file: SceneFile, level: Level) -> None:
@@ -80,15 +79,12 @@ def add_lights(file: SceneFile, level: Level) -> None:
         add_point(file, "light", "light entities", place, np.array(color) / 255, radius, np.ones(1))
     known = level.variables.get
     color, scale = _rgb(known("sunlight")), known("sunlightscale", 1.0)
-    if color.max() > 0 and isinstance(scale, float) and 0 < scale < 1e3:
+    if color.any() and isinstance(scale, float) and 0 < scale < 1e3:
         yaw, pitch = (np.radians(float(known(name, 0))) for name in ("sunlightyaw", "sunlightpitch"))
         toward = np.array([np.cos(yaw) * np.cos(pitch), -np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
         file.sun(toward, tuple(color / color.max()), light.sun_lux(255 * scale * float(color.max())))
         file.counts["suns"] += 1
-    file.lost["spotlights"] += int((level.entities["kind"] == SPOTLIGHT).sum())
-    file.lost["light from all sides (ambient, skylight)"] += sum(
-        _rgb(known(name)).any() for name in ("ambient", "skylight")
-    )
+    file.lost["light from all sides (ambient, skylight)"] += int(any(known(name) for name in ("ambient", "skylight")))
 
 
 def _rgb(value: object) -> Array:
