@@ -52,9 +52,8 @@ def test_ng_model_gym_reads_and_warps(exports, tmp_path):
 
 def test_noisebase_reads_and_warps(exports):
     rows = [(exports("noisebase", kind), *SIZES["noisebase"][kind], 5, 2) for kind in STEPS]
-    for kind, found in zip(
-        STEPS, run_elsewhere("TAUBENCH_NOISEBASE_PYTHON", "read_noisebase.py", *sum(rows, ())), strict=True
-    ):
+    text = run_elsewhere("TAUBENCH_NOISEBASE_PYTHON", "read_noisebase.py", *(word for row in rows for word in row))
+    for kind, found in zip(STEPS, json.loads(text.splitlines()[-1]), strict=True):
         (width, height), (stored, _) = SIZES["noisebase"][kind], zipped(exports("noisebase", kind) / "scene0000.zip")
         position = np.moveaxis(stored["position"][4, ..., 0], 0, -1)
         distance = np.linalg.norm(position - stored["camera_position"][4], axis=-1)
