@@ -110,7 +110,7 @@ def changes(values: Array) -> Array:
     return np.diff(values, prepend=values[:1]) != 0
 
 
-def sample_times(seconds: float, name: str) -> Array:
+def eye_times(seconds: float, name: str) -> Array:
     """(n,) times of ``Recording.eye``.  Raises SceneError for a recording ``name`` of more than MAX_SECONDS."""
     if seconds > MAX_SECONDS:
         raise SceneError(f"lasts {seconds:.0f} s", where=name, hint=f"at most {MAX_SECONDS:.0f} s are read")

@@ -11,7 +11,7 @@ from test_damaged_files import damaged
 
 from taubench_gl.capture.cube2.demo import decode
 from taubench_gl.capture.cube2.scene import as_recording, build_scene
-from taubench_gl.capture.cube2.textures import Files
+from taubench_gl.capture.cube2.world import Files
 from taubench_gl.capture.recording import Choice
 from taubench_gl.errors import TaubenchError
 from taubench_gl.scene import load_scene
