@@ -76,7 +76,7 @@ class Window:
 class Choice:
     """What of a recording becomes a scene, and how.  ``start``, ``seconds``: from its first state.
 
-    Of Cube 2 only: ``player``: None is the one with the window of most rotation; ``unit``: of the file, cube or meters.
+    Of Cube 2 only: ``player``: its number; ``unit``: of the file, cube or meters.
     """
 
     start: float

@@ -52,7 +52,7 @@ def test_damaged_files(name, tmp_path, monkeypatch):
             if file == "game.dmo":
                 demo = decode(data, file)
                 as_recording(demo, None, 0.5)
-            build_scene(demo, Files(tmp_path), Choice(1.5, 0.5, 12.0), out)
+            build_scene(demo, Files(tmp_path), Choice(1.5, 0.5, 12.0, player=3), out)
         except TaubenchError as error:
             refused += 1
             assert "\n" not in str(error) and error.where

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,8 +74,6 @@ def as_recording(demo: Demo, player: int | None = None, seconds: float = Choice.
 def build_scene(demo: Demo, files: Files, choice: Choice, path: Path) -> SceneFile:
     """Write the scene to ``path`` (.glb).  Raises SceneError for damaged files, SettingsError for an empty part."""
     times = key_times(choice, demo.seconds, demo.name)
-    if choice.player is None:
-        choice = replace(choice, player=as_recording(demo, None, choice.seconds).player)
     timeline, now = Timeline(demo), choice.start + times
     eye = timeline.eye(choice.player, now)
     file = SceneFile(times, UNITS[choice.unit], LICENSE)

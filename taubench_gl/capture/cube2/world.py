@@ -211,27 +211,15 @@ def _material(
 
 
 def add_lights(file: SceneFile, level: Level) -> None:
-    """The light entities, and the sun of the map's variables."""
+    """The light entities."""
     for entity in level.entities[level.entities["kind"] == LIGHT]:
         radius, *color = (float(value) for value in entity["values"][:4])
         # A light of radius 0 does not fall off: it is as bright at half the map's size as it should be.
         radius = radius if radius > 0 else float(level.cubes.size)
         place = entity["place"][None, RIGHT_HANDED].astype(float)
         add_point(file, "light", "light entities", place, np.array(color) / 255, radius, np.ones(1))
-    known = level.variables.get
-    color, scale = _rgb(known("sunlight")), known("sunlightscale", 1.0)
-    if color.any() and isinstance(scale, float) and 0 < scale < 1e3:
-        yaw, pitch = (np.radians(float(known(name, 0))) for name in ("sunlightyaw", "sunlightpitch"))
-        toward = np.array([np.cos(yaw) * np.cos(pitch), -np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
-        file.sun(toward, tuple(color / color.max()), light.sun_lux(255 * scale * float(color.max())))
-        file.counts["suns"] += 1
-    file.lost["light from all sides (ambient, skylight)"] += int(any(known(name) for name in ("ambient", "skylight")))
-
-
-def _rgb(value: object) -> Array:
-    """(3,) of a color of a map's variables; one below 256 is gray."""
-    number = value if isinstance(value, int) and value > 0 else 0
-    return np.array([number >> 16 & 255, number >> 8 & 255, number & 255] if number > 255 else [number] * 3) / 255
+    names = ("sunlight", "ambient", "skylight")
+    file.lost["light of the whole map (sunlight, ambient, skylight)"] += sum(name in level.variables for name in names)
 
 
 def add_point(file: SceneFile, name: str, kind: str, places: Array, color: Array, radius: float, levels: Array) -> None:
