@@ -21,7 +21,6 @@ class CameraPathSettings(Checked):
         None,
         "Play a recorded camera instead of that of the scene: TUM, KITTI, EuRoC, COLMAP images.txt, transforms.json, "
         "nerfstudio, Open3D, .chan, WebXR (iwer) or CSV (docs/camera-paths.md)",
-        short=True,
         selects=True,
         metavar="FILE",
     )

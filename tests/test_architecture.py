@@ -75,7 +75,7 @@ def package_of(path: Path) -> str:
 
 @cache
 def nodes(text: str) -> list[ast.AST]:
-    """Of the syntax tree of a module."""
+    """Every node of the syntax tree of a module with the source ``text``."""
     return list(ast.walk(ast.parse(text)))
 
 

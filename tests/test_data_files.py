@@ -160,7 +160,7 @@ def test_control_characters_are_not_printed():
 
 
 def test_files_of_the_system_are_read():
-    """They have a size of 0, and fail for a buffer of many megabytes."""
+    """Files of /proc and /sys have a size of 0, and fail for a buffer of many megabytes."""
     for path in ("/proc/sys/kernel/random/boot_id", "/proc/meminfo", "/proc/self/status"):
         if Path(path).exists():
             assert len(read_bytes(path)) > 30

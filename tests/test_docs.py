@@ -49,7 +49,7 @@ def test_links_exist(page: Path):
 
 
 def test_every_page_is_in_the_navigation():
-    """Of mkdocs.yml; the pages of the commands are added by tools/docs_pages.py."""
+    """The navigation of mkdocs.yml has every page but those of commands, which tools/docs_pages.py adds."""
     nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n")[1]
     named = set(re.findall(r"[\w-]+\.md", nav))
     assert {page.name for page in (ROOT / "docs").glob("*.md")} == named - {

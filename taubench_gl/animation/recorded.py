@@ -43,6 +43,9 @@ HEADING = "ZXY"
 """Roll, then pitch, then heading, as Table 3 has them."""
 
 FORMATS = "TUM, KITTI, EuRoC, COLMAP, transforms.json, nerfstudio, Open3D, .chan, WebXR, CSV with named columns"
+MOST = 1e30
+"""Numbers are smaller, so that their squares and determinants are finite."""
+
 COLUMNS = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 _BY_ROWS = (3, 7, 11), (0, 1, 2, 4, 5, 6, 8, 9, 10)
@@ -131,8 +134,8 @@ def read_poses(path: Path, choices: Choices) -> Poses:
         return _json(path)
     lines = [(f"{path.name}:{i}", line.strip()) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
     rows: Rows = [(place, line.split()) for place, line in lines if line[0] != "#"]
-    if not rows:
-        raise SceneError("holds no poses", where=path.name, hint=f"give one of {FORMATS}")
+    if len(rows) < 2:
+        raise SceneError("holds fewer than two poses", where=path.name, hint=f"give one of {FORMATS}")
     first = next(i for i, (_, line) in enumerate(lines) if line[0] != "#")
     if not _is_number(re.split(r"[,;\s]", lines[first][1])[0]):
         return _csv(lines[first:], choices)
@@ -163,7 +166,7 @@ def _csv(lines: list[tuple[str, str]], choices: Choices) -> Poses:
     separator = next((mark for mark in ",;\t" if mark in lines[0][1]), None)
     header = [name.strip(' "').lower() for name in lines[0][1].lstrip("#").split(separator)]
     plain = [re.sub(r"\[.*?\]|\(.*?\)|[^a-z0-9]", "", name) for name in header]
-    names = {name: plain.index(name) for name in plain}
+    names = {name: plain.index(name) for name in plain if name}
     rows: Rows = [(place, line.split(separator)) for place, line in lines[1:] if line[0] != "#"]
 
     def columns(prefix: str, letters: str) -> tuple[int, ...]:
@@ -181,10 +184,8 @@ def _csv(lines: list[tuple[str, str]], choices: Choices) -> Poses:
         known = times[0][1] or ("s" if format is OWN else None)
         unit = _SECOND[known] if known else choices("fps", "the unit of its times, how many make a second,")
         format = replace(format, per_second=unit)
-    position, heading = (
-        columns(f"{_POSITION}{{1}}" if bare else f"{_POSITION}?", "xyz"),
-        turned is not None and "," in choices("order"),
-    )
+    position = columns(_POSITION + ("" if bare else "?"), "xyz")
+    heading = turned is not None and "," in choices("order")
     if heading:
         format = replace(format, axes="opengl", up=None if position else "+y")
     format = replace(format, position=position, rotation=rotation, width=len(header), scale=bool(position))
@@ -208,9 +209,10 @@ def _angles(choices: Choices, names: Mapping[str, int], where: str = "") -> Turn
     """Which columns are angles, and how they turn.  Raises SceneError, SettingsError."""
     order = choices("order", "the order of its angles")
     parts = order.lower().split(",")[::-1] if "," in order else [f"r{axis}" for axis in order.lower()]
-    if unknown := next((part for part in parts if part.lstrip("-") not in names), None):
-        raise SceneError(f"no column {unknown.lstrip('-')}", where=where or None, hint=f"it has {', '.join(names)}")
-    columns, signs = [names[part.lstrip("-")] for part in parts], [-1.0 if part[0] == "-" else 1.0 for part in parts]
+    columns = [names[part.lstrip("-")] for part in parts if part.lstrip("-") in names]
+    if len(parts) != 3 or len(set(columns)) != 3:
+        raise SceneError(f"no three columns {order!r:.60}", where=where or None, hint=f"it has {', '.join(names)}")
+    signs = [-1.0 if part[0] == "-" else 1.0 for part in parts]
     return columns, np.array(signs), HEADING if "," in order else order
 
 
@@ -297,10 +299,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 
 def _is_number(text: str) -> bool:
-    try:
-        return math.isfinite(float(text))
-    except ValueError:
-        return False
+    return re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?", text, re.IGNORECASE) is not None
 
 
 def _number(value: Any, place: str) -> float:
@@ -309,6 +308,6 @@ def _number(value: Any, place: str) -> float:
         number = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
-    if not math.isfinite(number):
-        raise SceneError(f"{str(value)[:40]!r} is not a finite number", where=place)
+    if not abs(number) < MOST:
+        raise SceneError(f"{str(value)[:40]!r} is not a number below {MOST:g}", where=place)
     return number

@@ -27,7 +27,7 @@ from taubench_gl.evaluation import (
     Readback,
     ScenePlan,
     Session,
-    environment_image,
+    file_hashes,
     files_identity,
     frame_range,
     frame_schedule,
@@ -212,8 +212,7 @@ def _head_record(loaded: _JobScene, settings: Settings, stamp: list[int] | None)
     frames, animated, resolved = plan.frames, plan.animated, plan.lighting
     views = [animated.view_at(frame / settings.sequence.fps) for frame in frames]
     # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
-    settings = resolved.settings
-    one_file = scene.files == 1 and environment_image(settings) is None and settings.sequence.camera_path is None
+    one_file = scene.files == 1 and len(file_hashes(scene, resolved.settings)) == 1
     return {
         "stamp": stamp if one_file else None,
         "frames": [frames.start, frames.stop],

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec.structs import asdict
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import Reason
@@ -34,33 +35,33 @@ FPS = 1.0
 class Expected:
     """Theoretical value of a number as a range, both ends inclusive.
 
-    ``text``: the range for display; ``source``: formula or reason.
+    ``text``: the range for display; ``source``: formula or reason, of the lesson's text.
     """
 
     low: float
     high: float
     text: str
-    source: str
+    source: str = ""
 
     @classmethod
-    def near(cls, value: float, tolerance: float, source: str, digits: int = 2) -> Expected:
+    def near(cls, value: float, tolerance: float, digits: int = 2) -> Expected:
         """The range ``value`` ± ``tolerance``, both in the unit of the number; ``digits``: decimals in its text."""
         text = f"{value:.{digits}f}" + (f" ± {tolerance:.{digits}f}" if tolerance else " exactly")
-        return cls(value - tolerance, value + tolerance, text, source)
+        return cls(value - tolerance, value + tolerance, text)
 
     @classmethod
-    def between(cls, low: float, high: float, source: str, digits: int = 2) -> Expected:
+    def between(cls, low: float, high: float, digits: int = 2) -> Expected:
         """The range ``low`` to ``high``, of which one may be infinite; ``digits``: decimals in its text."""
         if math.isinf(high):
             text = f"at least {low:.{digits}f}"
         else:
             text = f"at most {high:.{digits}f}" if math.isinf(low) else f"{low:.{digits}f} to {high:.{digits}f}"
-        return cls(low, high, text, source)
+        return cls(low, high, text)
 
     @classmethod
-    def share(cls, region: Array, source: str) -> Expected:
+    def share(cls, region: Array) -> Expected:
         """The share of the pixels in ``region`` (h, w) bool, percent, ± half of the pixels on its edge."""
-        return cls.near(100.0 * float(region.mean()), 50.0 * edge_pixels(region) / region.size, source)
+        return cls.near(100.0 * float(region.mean()), 50.0 * edge_pixels(region) / region.size)
 
     def met_by(self, number: float) -> bool:
         """Whether ``number`` is in the range.  NaN never is."""
@@ -111,18 +112,19 @@ class Parameter:
     """A parameter that the reader drags: an image and a number at each of its values, with the number's theory.
 
     The images are given, or follow from ``plane``, (h, w) uint8: at value i the pixels above i are marked on ``base``.
-    ``expected`` is None where there is no theory; ``tolerance`` is in the unit of the number.
+    ``expected`` is None where there is no theory; ``tolerance`` is in the unit of the number.  The texts are the
+    lesson's ``ParameterText``.
     """
 
-    name: str
-    unit: str
     values: tuple[float, ...]
-    meaning: str  # of the number: "of the pixels are discarded"
-    number_unit: str
     measured: tuple[float, ...]
     expected: tuple[float | None, ...]
     tolerance: tuple[float, ...]
-    source: str  # of the theory
+    name: str = ""
+    unit: str = ""
+    meaning: str = ""  # of the number: "of the pixels are discarded"
+    number_unit: str = ""
+    source: str = ""  # of the theory
     start: int = 0  # index of the value that is shown first
     images: tuple[Array, ...] = ()  # (h, w, 3) uint8 each
     plane: Array | None = None
@@ -148,30 +150,21 @@ class Parameter:
 
 
 def swept(
-    name: str,
-    unit: str,
     values: Sequence[float],
     at: Callable[[float], tuple[Array, float, float | None, float]],
     *,
     start: float,
-    meaning: str,
-    number_unit: str,
-    source: str,
-    note: str = "",
     bar: ColorBar | None = None,
-    digits: int = 2,
 ) -> Parameter:
     """A parameter that is measured at each of ``values``.
 
     ``at(value)``: image (h, w, 3), uint8 or float in [0, 1], measured number, its theoretical value, and the tolerance.
-    ``start``: the value that is shown first, or one near it; the other arguments: fields of Parameter.
+    ``start``: the value that is shown first, or one near it; ``bar``: of the images.
     """
     images, measured, expected, tolerance = zip(*map(at, values))
-    return Parameter(
-        name, unit, tuple(map(float, values)), meaning, number_unit, measured, expected, tolerance, source,
-        start=int(np.argmin(np.abs(np.asarray(values) - start))), images=tuple(map(as_bytes, images)), note=note,
-        bar=bar, digits=digits,
-    )  # fmt: skip
+    first = int(np.argmin(np.abs(np.asarray(values) - start)))
+    shown = tuple(map(as_bytes, images))
+    return Parameter(tuple(map(float, values)), measured, expected, tolerance, start=first, images=shown, bar=bar)
 
 
 def value_texts(parameter: Parameter) -> list[str]:
@@ -187,26 +180,22 @@ def threshold_parameter(
     base: Array,
     mark: RGB,
     *,
-    name: str,
-    unit: str,
     start: float,
-    source: str,
-    note: str,
 ) -> Parameter:
     """A threshold: at each of ``values``, the pixels with a greater ``distance`` (h, w) are marked and counted.
 
     ``expected``: distances in theory, (h, w); the tolerance is half of the pixels on the edges of the region that a
     threshold marks.  ``base`` (h, w, 3) uint8: the image under the marks; ``start``: the value that is shown first, in
-    place of the nearest one; ``name``, ``unit``, ``source`` and ``note``: fields of Parameter.
+    place of the nearest one.
     """
     values, first = with_value(values, start)
     regions = [expected > value for value in values]
     return Parameter(
-        name, unit, tuple(map(float, values)), "of the pixels are discarded", "%",
+        tuple(map(float, values)),
         tuple(100.0 * float((distance > value).mean()) for value in values),
         tuple(100.0 * float(region.mean()) for region in regions),
-        tuple(50.0 * edge_pixels(region) / region.size + 1e-9 for region in regions), source, start=first,
-        plane=np.searchsorted(values, distance, side="left").astype(np.uint8), base=base, mark=mark, note=note,
+        tuple(50.0 * edge_pixels(region) / region.size + 1e-9 for region in regions), start=first,
+        plane=np.searchsorted(values, distance, side="left").astype(np.uint8), base=base, mark=mark,
     )  # fmt: skip
 
 
@@ -238,13 +227,39 @@ class Screens:
     """Images beside the question, where the opening's pair and masks do not show what is asked.
 
     Each image is (h, w, 3), uint8 or float in [0, 1].
-    ``answer``: shown after the guess, in place of the mask; ``note``: what it shows; ``frames``: previous and current
-    frame, None for those of the pair.
+    ``answer``: shown after the guess, in place of the mask; ``frames``: previous and current frame, None for those of
+    the pair.
     """
 
     answer: Array
-    note: str
     frames: tuple[Array, Array] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a lesson measures and draws.
+
+    ``numbers``: by the names that its text has, each with its theoretical value; ``sheet``: the figure; ``colors``:
+    legend entry -> 8-bit sRGB.
+    """
+
+    numbers: Mapping[str, tuple[float, Expected]]
+    sheet: Sheet
+    parameter: Parameter
+    colors: Mapping[str, RGB] = field(default_factory=dict)
+    screens: Screens | None = None
+
+    def with_text(self, text: LessonText) -> Result:
+        """The result, with what the lesson's text says of each number and of the parameter.  Raises ValueError."""
+        if self.numbers.keys() != text.numbers.keys():
+            raise ValueError(f"{text.name} measures {', '.join(self.numbers)}, its text has {', '.join(text.numbers)}")
+        findings = []
+        for name, (number, expected) in self.numbers.items():
+            about = text.numbers[name]
+            expected = replace(expected, source=about.source)
+            findings.append(Finding(number, about.unit, about.meaning, expected, about.digits))
+        parameter = replace(self.parameter, **asdict(text.parameter))
+        return Result(tuple(findings), self.sheet, parameter, self.colors, self.screens)
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,7 +271,6 @@ class Result:
 
     findings: tuple[Finding, ...]
     sheet: Sheet
-    caption: str
     parameter: Parameter
     colors: Mapping[str, RGB] = field(default_factory=dict)
     screens: Screens | None = None
@@ -276,15 +290,19 @@ class Result:
 class Demo:
     """One numbered demo.
 
-    ``run`` measures and draws; ``scene`` builds its scene, for the viewer and other commands; ``opening``: the pair of
-    frames of that scene that page and viewer show.
+    ``measure`` measures and draws; ``scene`` builds its scene, for the viewer and other commands; ``opening``: the pair
+    of frames of that scene that page and viewer show.
     """
 
     number: int
     text: LessonText
-    run: Callable[[Stage], Result]
+    measure: Callable[[Stage], Measured]
     scene: Callable[[], Scene]
     opening: Opening
+
+    def run(self, stage: Stage) -> Result:
+        """Measure and draw; the result has the texts of the numbers."""
+        return self.measure(stage).with_text(self.text)
 
     @property
     def name(self) -> str:

@@ -137,10 +137,10 @@ def demo_page(
     step("idea", "", "idea", demo, screens)
     screen = result.screens
     key = [] if screen else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
-    about = ("", screen.note) if screen else (demo.pair_text(), "")
+    about = ("", demo.text.screen) if screen else (demo.pair_text(), "")
     step("question", "Guess first", "question", demo, screens, key, *about, link="Question")
     uri, ratio = data_uri(read_bytes(result.path)), WIDTH / result.sheet.height
-    step("figure", "Figure", "figure", uri, ratio, result.caption, demo.text.look_for)
+    step("figure", "Figure", "figure", uri, ratio, demo.text.caption, demo.text.look_for)
     size = parameter.picture(0).shape[1::-1]
     step("parameter", "Drag a parameter", "parameter", parameter, size, bar, link="Parameter")
     strips = [_strip(finding) for finding in findings]

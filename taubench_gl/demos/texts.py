@@ -10,11 +10,32 @@ from msgspec import Struct
 from taubench_gl.data_files import read_toml
 
 
+class NumberText(Struct, frozen=True, forbid_unknown_fields=True):
+    """What is said of a measured number.  ``source``: formula or reason of its theoretical value."""
+
+    meaning: str
+    source: str
+    unit: str = ""
+    digits: int = 2
+
+
+class ParameterText(Struct, frozen=True, forbid_unknown_fields=True):
+    """What is said of the parameter that the reader drags: texts of ``demo.Parameter``."""
+
+    name: str
+    meaning: str
+    source: str
+    unit: str = ""
+    number_unit: str = ""
+    note: str = ""
+    digits: int = 2
+
+
 class LessonText(Struct, frozen=True, forbid_unknown_fields=True):
     """What a page says around the figure and the numbers of one lesson.
 
     ``guess``: lowest and highest answer to ``question``, in the unit of the first number.  ``see_also``: text and page
-    of ``docs/``.
+    of ``docs/``.  ``caption``: of the figure; ``screen``: what is beside the question, where that is not the mask.
     """
 
     name: str
@@ -23,6 +44,10 @@ class LessonText(Struct, frozen=True, forbid_unknown_fields=True):
     look_for: tuple[str, ...]
     question: str
     guess: tuple[float, float]
+    caption: str
+    numbers: dict[str, NumberText]
+    parameter: ParameterText
+    screen: str = ""
     see_also: tuple[tuple[str, str], ...] = ()
 
 

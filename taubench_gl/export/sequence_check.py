@@ -54,13 +54,16 @@ def inspect_export(folder: Path) -> dict[str, dict[str, Any]]:
     and against that moved by the motion, where it is inside; None: there is no pair, or they are equal.
     """
     about = read_json(folder / MANIFEST, Manifest)
-    files, (read, compare) = FORMATS[about["format"]](folder, None).files(), _READERS[about["format"]]
+    name = about["format"]
+    if name not in _READERS or not (files := FORMATS[name](folder, None).files()):
+        raise OutputError(f"is no finished export of format nss or noisebase, but of {name}", where=str(folder))
+    read, compare = _READERS[name]
     checks, shapes, squares, sums = {}, {}, [[0.0, 0.0]], defaultdict(lambda: np.zeros(2))
     for file in files:
         try:
             arrays = read(file)
-            shapes |= {name: f"{v.dtype} {'x'.join(map(str, v.shape))}" for name, v in arrays.items()}
-            bad = [name for name, v in arrays.items() if not all(np.isfinite(v[n]).all() for n in range(v.shape[0]))]
+            shapes |= {key: f"{v.dtype} {'x'.join(map(str, v.shape))}" for key, v in arrays.items()}
+            bad = [key for key, v in arrays.items() if not all(np.isfinite(v[n]).all() for n in range(v.shape[0]))]
             checks |= dict.fromkeys(bad, f"wrong: {file.name} has values that are not finite")
             for n in range(1, arrays["motion"].shape[0]):
                 if "camera_cut" not in arrays or not arrays["camera_cut"][n].any():
@@ -71,9 +74,8 @@ def inspect_export(folder: Path) -> dict[str, dict[str, Any]]:
         except (*ARRAY_FAULTS, IndexError) as error:
             raise OutputError(f"is damaged: {error!s:.200}", where=str(file), hint="export it again") from None
     before, moved = map(psnr, np.sum(squares, axis=0) / max(len(squares) - 1, 1))
-    export = {"format": about["format"], "scene": about["scene"], "exposure": about["settings"]["exposure"]}
     return {
-        "export": export | {"files": ", ".join(file.name for file in files) or None},
+        "export": {"format": name, "files": [file.name for file in files], "exposure": about["settings"]["exposure"]},
         "arrays": shapes,
         "psnr_db": {"frame_before": before, "frame_before_moved": moved},
         "checks": _answers(sums) | checks,
@@ -144,8 +146,7 @@ def _brightness(noisy: Array, clean: Array) -> dict[str, Array]:
 def _compare_images(image: Array, before: Array, motions: Mapping[str, Array]) -> tuple[dict[str, Array], list[float]]:
     """Errors by each motion, and mean squared errors of the image before, unmoved and moved, of what is inside."""
     grid, shown, history = _grid(image), _shown(image), _shown(before)
-    at = grid + motions[""]
-    inside = ((at >= 0) & (at <= np.array(shown.shape[::-1]) - 1)).all(axis=-1)
+    inside = np.isclose(np.clip(at := grid + motions[""], 0, np.array(shown.shape[::-1]) - 1), at).all(axis=-1)
     errors = {name: np.where(inside, np.abs(shown - _sample(history, grid + v)), np.nan) for name, v in motions.items()}
     pair = np.abs(shown - history)[inside], errors[""][inside]
     return errors, [float(np.mean(error**2)) if error.size else 0.0 for error in pair]

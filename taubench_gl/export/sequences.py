@@ -137,8 +137,7 @@ class NssWriter(SequenceWriter):
         text = json.dumps(header).encode()
         text += b" " * (-len(text) % 8)
         values = (values.tobytes() for name in names for values in self.read(name, frames))
-        path = self.out / f"{self.spec.scene}.safetensors"
-        write_parts(path, chain([len(text).to_bytes(8, "little"), text], values))
+        write_parts(self.out / f"{self.spec.scene}.safetensors", chain([len(text).to_bytes(8, "little"), text], values))
 
 
 class NoisebaseWriter(SequenceWriter):

@@ -5,8 +5,11 @@ Sizes and effects decide what a frame takes, so the sum is known before anything
 
 from __future__ import annotations
 
+import math
+
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.plan import frame_resources
+from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES
 from taubench_gl.frame.raytracing.instances import MERGED_TRIANGLES
 from taubench_gl.frame.raytracing.structure import TRIANGLE_BYTES
 from taubench_gl.frame.spec import FrameSpec
@@ -53,4 +56,5 @@ def _ray_bytes(spec: FrameSpec) -> int:
     fixed = min(repeated, sum(once.values()) + MERGED_TRIANGLES)
     # Exact visibility also has the poses of the frame before.
     trees = traced * (fixed + posed) + exact * (fixed + 2 * posed)
-    return TRIANGLE_BYTES * trees + traced * HIT_BYTES * (fixed + posed)
+    atlas = min(4 * sum(math.prod(image.size) for image in scene.images), ATLAS_BYTES)
+    return TRIANGLE_BYTES * trees + traced * (HIT_BYTES * (fixed + posed) + atlas)

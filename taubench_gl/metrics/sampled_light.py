@@ -39,7 +39,7 @@ NEAR = 4.0
 DENSITY = (0.15, 0.5)
 """Anticipated standard deviation of the difference far from every threshold and near one; pixels are drawn by it."""
 
-STRATA = 2 ** (2 + len(LIGHT_FEATURES))
+STRATA = 2 ** (1 + len(LIGHT_FEATURES)) + 2
 
 
 def lobe_distance(bounce: str, lobe: str) -> str:
@@ -57,7 +57,7 @@ def strata_of(
     """Stratum of every pixel by its preview: near a threshold or not, and its light columns.  (h, w) int64.
 
     -1 where the mask does not depend on light: outside ``traced`` (h, w) bool.  ``differs`` (h, w) bool: pixels whose
-    history depends on the reprojection, which have strata of their own.
+    history depends on the reprojection: few, and each decided twice, they have two strata of their own.
     """
     near = np.zeros(words.shape, bool)
     out = np.zeros(words.shape, np.int64)
@@ -66,7 +66,7 @@ def strata_of(
         if name in distances:
             limit = thresholds[name]
             near |= (distances[name] > limit / NEAR) & (distances[name] < limit * NEAR)
-    return np.where(traced, out + near + STRATA // 2 * np.asarray(differs), -1)
+    return np.where(traced, np.where(differs, STRATA - 2, out) + near, -1)
 
 
 def draw_pixels(strata: PixelStrata, visit: int, count: int) -> tuple[Array, Array]:

@@ -195,7 +195,7 @@ def require_supported(spec: str | Path, settings: Settings) -> None:
         ("camera path", settings.sequence.camera_path, None),
     ):
         if value != only:
-            hint = f"leave it at {only}"
+            hint = "leave it out" if only is None else f"leave it at {only}"
             raise SettingsError(f"{setting} {value} is for rendered scenes", where=str(spec), hint=hint)
 
 

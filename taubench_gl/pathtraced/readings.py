@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import make_dataclass, replace
-from typing import get_args, get_type_hints
+from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.pathtraced.passes import MotionMap, PassMap, Up
+from taubench_gl.data_files import read_toml
+from taubench_gl.pathtraced.passes import PassMap
 
 Array = np.ndarray
 
@@ -18,48 +19,7 @@ MOTION = ("direction", "y", "components", "unit", "zero")
 BACKWARDS = ("files backwards", "next")
 """Orders in which the frame before file i is file i + 1."""
 
-_MOTION = {name: get_args(choices) for name, choices in get_type_hints(MotionMap).items()}
-_UNITS = {"0.01": "centimeters", "0.001": "millimeters", "0.0254": "inches", "0.3048": "feet"}
-TEXTS: dict[str, Mapping[str, str]] = {
-    "rows": {"bottom first": "rows are stored in the other order: set rows = '{}'"},
-    "up": {up: f"axes are those of up = '{up}': set up = '{up}'" for up in get_args(Up)},
-    "positions": {
-        "world": "positions are world positions: set positions = 'world'",
-        "relative": "positions are relative to the camera: set positions = 'relative'",
-        "view": "positions are in view space: write world positions",
-    },
-    "meters": {factor: f"positions are in {unit} where the camera is in meters" for factor, unit in _UNITS.items()}
-    | {f"1/{factor}": f"the camera is in {unit} where positions are in meters" for factor, unit in _UNITS.items()},
-    "matrix": {
-        "transposed": "camera matrices are stored by columns: transpose them",
-        "rotation transposed": "rotations of the camera are view_from_world: transpose their 3 x 3 part",
-        "inverse": "camera matrices are view_from_world: invert them",
-        "inverse transposed": "camera matrices are view_from_world, stored by columns: transpose and invert them",
-        "y down, z forward": "the camera has +y down and +z forward: negate columns 2 and 3 of world_from_view",
-    },
-    "lens": {"horizontal": "yfov holds the horizontal field of view: give the vertical one"},
-    "order": {
-        "next": "motion leads to the next file: files and cameras are numbered backwards, or motion is forward",
-        "ahead": "the camera is ahead by one frame: file i needs camera i - 1",
-        "behind": "the camera is behind by one frame: file i needs camera i + 1",
-        "files backwards": "files are numbered backwards",
-        "camera backwards": "frames of the camera are numbered backwards",
-    },
-    "depth": {kind: f"depth is {kind}: set depth = '{kind}'" for kind in ("planar", "distance")},
-    "direction": {
-        d: f"motion is {d.replace('-', ' - ')}: set motion.direction = '{d}'" for d in _MOTION["direction"]
-    },
-    "y": {y: f"motion +y is {y}: set motion.y = '{y}'" for y in _MOTION["y"]},
-    "components": {"yx": "x and y of motion are exchanged: name its channels in the mapping"},
-    "unit": {
-        "uv": "motion is in fractions of the image: set motion.unit = 'uv'",
-        "ndc": "motion is in clip space, -1 to 1: set motion.unit = 'ndc'",
-        "px": "motion is in pixels: set motion.unit = 'px'",
-        "half": "motion is half as long as it should be: double it",
-        "double": "motion is twice as long as it should be, as clip space for fractions of the image: halve it",
-    },
-    "zero": {zero: f"no motion is stored as {zero}: set motion.zero = '{zero}'" for zero in _MOTION["zero"]},
-}  # fmt: skip
+TEXTS = read_toml(Path(__file__).with_name("readings.toml"), dict[str, dict[str, str]])
 """Convention -> value that corrects the files -> what is wrong and what to set."""
 
 

@@ -396,6 +396,9 @@ class _Evaluator:
             with run.isolated():
                 run.load()
         self._require(any(run.method is not None for run in self.runs))  # before anything is rendered
+        if self._settings.metrics.history == "both" and not any(run.asks_for_eye for run in self.runs):
+            what = f"no method reads {', '.join(EYE_INPUTS)}"
+            raise SettingsError(what, hint="give --history frame or eye", setting="history")
         self.seeds = tuple(inputs.kind.seed + k for k in range(request.seeds))
         traced, self._reference = reference_samples(request.reference), None
         of_camera = replace(inputs, settings=inputs.settings.replace(history="frame"))
@@ -459,9 +462,6 @@ class _Evaluator:
             inputs = RasterInputs(request, reads, cuts=cuts, exact=exact)
         self._inputs, self._eye = self._owner.own(inputs), None
         if self._settings.metrics.history == "both":
-            if not any(run.asks_for_eye for run in self.runs):
-                what = "no method reads eye_motion, eye_mask or eye_result"
-                raise SettingsError(what, hint="give --history frame or eye", setting="history")
             self._eye = self._owner.own(OtherEye(inputs, cuts))
         self.frames = inputs.frames
         width, height = inputs.output_size

@@ -34,7 +34,7 @@ ABOVE, DEVIATIONS = 2.0, 3.0
 """A peak below this multiple of the noise floor, or nearer to it than as many standard deviations of the error in the
 second half of the frames, is noise: 0 frames."""
 
-MIN_PIXELS, MOST_PIXELS = 16, 4096
+MIN_PIXELS, MOST_PIXELS = 16, 1024
 """Fewer pixels of an event do not show its error; of more, evenly spaced ones are followed."""
 
 MIN_AGES = 8
@@ -106,26 +106,23 @@ class ResponseRecord:
     """Errors of one method after events, seed by seed and frame by frame."""
 
     _seeds: list[dict[int, Array]] = field(default_factory=list)  # event -> mean errors (ages,)
-    _errors: dict[int, list[float]] = field(default_factory=dict)  # of every point of the present seed
+    _errors: dict[int, list[Array]] = field(default_factory=dict)  # of the present seed, by age and point; nan: lost
 
     def add(self, ids: Array, error: Array) -> None:
         """Add one frame: ``ids`` of ``EventTracker``; ``error`` (h, w)."""
         points, at = np.unique(ids[ids >= 0], return_inverse=True)
-        means = np.bincount(at, error[ids >= 0]) / np.bincount(at)
-        for point, mean in zip(points.tolist(), means.tolist(), strict=True):
-            self._errors.setdefault(point, []).append(mean)
+        means, events = np.bincount(at, error[ids >= 0]) / np.bincount(at), points // MOST_PIXELS
+        for event in np.unique(events).tolist():
+            of_event = events == event
+            if np.count_nonzero(of_event) >= MIN_PIXELS:
+                by_point = np.full(MOST_PIXELS, np.nan, dtype=np.float32)
+                by_point[points[of_event] % MOST_PIXELS] = means[of_event]
+                self._errors.setdefault(event, []).append(by_point)
 
     def end(self) -> None:
         """The sequence of a seed is complete: mean errors of the MIN_PIXELS or more points followed longest."""
-        events: dict[int, list[list[float]]] = {}
-        for point, errors in self._errors.items():
-            events.setdefault(point // MOST_PIXELS, []).append(errors)
-        curves = {}
-        for event, points in events.items():
-            if len(points) >= MIN_PIXELS:
-                ages = sorted(map(len, points))[-MIN_PIXELS]
-                curves[event] = np.mean([errors[:ages] for errors in points if len(errors) >= ages], axis=0)
-        self._seeds.append(curves)
+        tables = {event: np.stack(errors) for event, errors in self._errors.items()}
+        self._seeds.append({e: t[:, np.isfinite(t[-1])].mean(axis=1, dtype=np.float64) for e, t in tables.items()})
         self._errors = {}
 
     def summary(self) -> dict[str, Any]:

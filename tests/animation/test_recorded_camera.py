@@ -272,7 +272,7 @@ def test_angles_by_the_names_of_their_columns(tmp_path, up, world):
     assert not np.allclose(np.abs(path.rotation), np.abs(TURNED.as_quat()), atol=0.02)
     with pytest.raises(SettingsError, match="--camera-path-order"):
         read(tmp_path, text, up=up)
-    with pytest.raises(SceneError, match="no column heading"):
+    with pytest.raises(SceneError, match="heading,pitch,roll"):
         read(tmp_path, text, up=up, order="heading,pitch,roll")
 
 
@@ -306,7 +306,7 @@ def test_own_csv_and_both_json_forms_are_equivalent_and_need_no_option(tmp_path)
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("", "holds no poses"),
+        ("", "fewer than two"),
         ("time,x,y\n0,1,2\n", "path"),
         (as_csv(GOOD[:1]), "1 poses"),
         (f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,oops,0,0,0,1\n", "path:3: 'oops'"),
@@ -315,6 +315,8 @@ def test_own_csv_and_both_json_forms_are_equivalent_and_need_no_option(tmp_path)
         (f"{HEAD}\n5,0,0,0,0,0,0,1\n4,0,0,0,0,0,0,1\n", "path:3: time 4 is before 5"),
         (f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,nan,0,0,0,1\n", "path:3: 'nan'"),
         (f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,2\n", "path:3: quaternion"),
+        (f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,1e300\n", "path:3: '1e300'"),
+        (f"{HEAD}\n", "fewer than two"),
         ("{", "JSON"),
         ("[3]", "path#/0: "),
         ('[{"time": 0}, 4]', "path#/0: "),
@@ -336,6 +338,9 @@ def test_file_that_is_not_utf8_and_options_without_effect(tmp_path):
     (tmp_path / "a.csv").write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(SceneError, match="UTF-8"):
         read_camera_path(options(tmp_path / "a.csv"))
+    for order in ("XXZ", "Q", ",,", "rx,ry", "-,-,-"):
+        with pytest.raises(SceneError, match="columns"):
+            read(tmp_path, "1 0 0 0 1 2 3\n" * 2, fps=1.0, up="+y", order=order)
     for given in ({"fps": 30.0}, {"order": "XYZ"}, {"body": "1"}):
         with pytest.raises(SettingsError, match="no effect"):
             read(tmp_path, as_csv(GOOD), **given)

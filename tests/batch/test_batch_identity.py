@@ -130,7 +130,7 @@ def test_machines_that_share_the_jobs_give_the_results_of_one(reference, tmp_pat
 
 
 def records(job: Path) -> Path:
-    """Of the job whose results are in the folder ``job``."""
+    """Folder of the records of the job whose results are in the folder ``job``."""
     return job.parents[1] / "records" / job.name
 
 

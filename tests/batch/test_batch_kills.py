@@ -22,7 +22,7 @@ def partitions(out: Path) -> int:
 
 
 def test_killed_driver(reference, tmp_path):
-    """Its workers end, its lock is released, and resume writes the same files."""
+    """The workers of a killed driver end, its lock is released, and resume writes the same files."""
     spec, expected = reference
     out = tmp_path / "out"
     driver = batch_process(spec, "--out", out, "--workers", "1", "--chunk", "1")

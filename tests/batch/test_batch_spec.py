@@ -60,7 +60,7 @@ def test_a_scene_may_have_its_own_settings(folder):
 
 
 def test_entries_of_one_scene_are_labelled_by_what_differs(folder):
-    """Also when stored.  What differs is not a sweep: a sweep is a column of the table of all pairs."""
+    """Labels are stored with the batch.  A difference is no sweep, which is a column of the table of all pairs."""
     spec = spec_of(
         folder,
         """

@@ -87,7 +87,7 @@ def test_faults_of_a_suite(tmp_path, fault):
 
 @pytest.mark.parametrize("still", few([True, False]))
 def test_only_the_camera_of_a_still_series_moves(tmp_path, still):
-    """Its yaw changes by exactly the speed; without ``still``, the scene's own nodes move too."""
+    """The camera's yaw changes by exactly the speed; without ``still``, the scene's own nodes move too."""
     for case in suite_of(tmp_path, HEAD + CASE + f"rotation = [0, 6]\nstill = {still}\n".lower()).cases:
         scene = load_scene(scene_file(case.scene))
         camera = camera_of_run(scene, case.settings.sequence)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from cube2_files import client, game_packets, integer, message, position, recording, unsigned, write_game
 from scipy.optimize import lsq_linear
+from test_captured_scene import run
 
 from taubench_gl.animation import Poser, choose_camera
-from taubench_gl.apps import cli
 from taubench_gl.capture import light
 from taubench_gl.capture.arena import RECORDINGS
 from taubench_gl.capture.cube2 import record as recorder
@@ -24,15 +24,8 @@ from taubench_gl.scene import load_scene
 OURS = RECORDINGS / "two_towers.dmo"
 
 
-def run(*arguments):
-    """Exit code of the command line."""
-    with pytest.raises(SystemExit) as caught:
-        cli.main([str(argument) for argument in arguments])
-    return caught.value.code
-
-
 def events(*messages):
-    """Those of one packet, beside a place of a player."""
+    """Events of one packet with ``messages``, beside a place of a player."""
     return decode(recording([(5, 0, position(1, (1, 2, 3))), (6, 1, b"".join(messages))]), "x").events
 
 

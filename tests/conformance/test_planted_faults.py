@@ -242,7 +242,7 @@ def cast(truth, k, view=None, pose=pose_vertices, **changes):
 
 
 def wrong_camera(truth, frames):
-    """The same surfaces from a camera 20 cm to the right."""
+    """Frames of the surfaces of ``truth`` from a camera 20 cm to the right."""
 
     def points(k):
         return cast(truth, k, replace(truth.view(k), position=truth.view(k).position + [0.2, 0.0, 0.0]))

@@ -56,7 +56,7 @@ def evaluated(unit: EvaluationUnit) -> dict:
 
 @pytest.fixture
 def names(monkeypatch):
-    """Of the units that were evaluated, by ``evaluated``; before unit number ``names.stop`` the user interrupts."""
+    """Names of the evaluated units, filled by ``evaluated``; before unit number ``names.stop`` the user interrupts."""
 
     class Names(list):
         stop = None

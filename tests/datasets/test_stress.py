@@ -86,7 +86,7 @@ def test_the_written_camera_has_the_requested_statistics(tmp_path, name):
 
 
 def test_a_repaired_file_can_be_extended(tmp_path):
-    """Its null and empty members, its byte order mark and its missing image do not reach the written file's reader."""
+    """Null and empty members, a byte order mark and a missing image of a file are not in the file that is written."""
     stress(DEMO, tmp_path / "demo.gltf", STILL)
     document = json.loads((tmp_path / "demo.gltf").read_text(encoding="utf-8"))
     document["nodes"][0] |= {"children": [], "name": None}

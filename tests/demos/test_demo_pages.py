@@ -101,7 +101,7 @@ def check_slide(page: Any, where: str) -> None:
 def drive_question(demo: Demo, result: Any, page: Any) -> None:
     """Before the guess neither text, name of an image nor key shows the number, its theory or the answer's image."""
     (low, high), first = demo.text.guess, result.findings[0]
-    secrets = [first.text, first.expected_text, first.expected.source, result.caption, *demo.text.look_for]
+    secrets = [first.text, first.expected_text, first.expected.source, demo.text.caption, *demo.text.look_for]
     before, tree = body(page), page.locator("body").aria_snapshot()
     assert [s for s in secrets if s in before or s in tree] == []
     assert low < high and low <= first.number <= high
@@ -300,7 +300,7 @@ def test_notes_and_lessons_of_the_lecture(runs, gpu, opened, tmp_path):
 
 @pytest.mark.long
 def test_both_browsers_open_the_lecture(runs, gpu, both_browsers, tmp_path):
-    """Its index and a lesson with notes."""
+    """The index of the lecture and a lesson with notes open without an error."""
     lesson = lecture_page(runs, gpu, tmp_path)
     index = tmp_path / "index.html"
     index.write_text(index_page([runs.shown(find_demo(QUICK), gpu)], LECTURE[3:4]), encoding="utf-8")
@@ -309,7 +309,7 @@ def test_both_browsers_open_the_lecture(runs, gpu, both_browsers, tmp_path):
 
 
 def test_the_lecture_is_seven_demos_in_twenty_minutes(runs, gpu):
-    """Its index links them with their minutes; neither index nor notes name a number that a page asks for."""
+    """The index links demos with their minutes; neither index nor notes name a number that a page asks for."""
     assert len({part.demo for part in LECTURE}) == 7 and sum(part.minutes for part in LECTURE) == 20
     shown = [runs.shown(find_demo(part.demo), gpu) for part in LECTURE]
     page = index_page(shown, LECTURE)

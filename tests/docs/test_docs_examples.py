@@ -132,7 +132,7 @@ def test_wrong_examples_are_refused():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_blocks_of_data_and_code_parse(page: Path):
-    """Also: every name that an example imports from the package exists."""
+    """Blocks of a page parse, and every name that an example imports from the package exists."""
     for text in blocks(page, "toml"):
         tomllib.loads(text)
     for text in blocks(page, "json"):

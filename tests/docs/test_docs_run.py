@@ -107,7 +107,6 @@ PYTHON = {
 PYTHON_ELSEWHERE = {
     "docs/api.md": "tests/test_api.py",
     "docs/reuse.md": "tests/reuse/test_reuse_guide.py, test_python_routes.py",
-    "docs/batch.md": "needs SLURM and Kubernetes",
 }
 
 
@@ -172,7 +171,7 @@ def write_inputs(folder: Path) -> None:
         warnings.simplefilter("ignore")  # the buffer goes into a file of its own
         for name in ("scene.gltf", "b.gltf"):
             GLTF2().load(str(ROOT / "assets" / "demo.glb")).save(str(folder / name))
-    for name in ("spec.toml", "batch.toml"):
+    for name in ("spec.toml", "batch.toml", "first.toml", "second.toml"):
         (folder / name).write_text('scenes = ["scene.glb"]\nsize = "64x36"\nframes = "0:3"\n')
     (folder / "mine.toml").write_text('[my-scene]\ntitle = "Mine"\nformat = "gltf"\n')
     (folder / "headset.csv").write_text(

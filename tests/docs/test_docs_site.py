@@ -25,7 +25,7 @@ from live_pages import CARD, LESSONS, METHODS_PAGES, RUN  # noqa: E402
 
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 OPTIONS = re.search(r"-m mkdocs (.*)", (ROOT / "tools" / "docs").read_text())[1].replace('"$@"', "").split()
-"""Of MkDocs, as in tools/docs."""
+"""Options of MkDocs in tools/docs."""
 BLOCKS = re.compile(r"<(h[1-6]|table|tr|td|th|ul|ol|li|pre|a|img)\b")
 
 pytest.importorskip("material", reason="mkdocs-material is not installed")

@@ -132,7 +132,7 @@ def test_without_exact_nothing_is_added():
 
 
 def test_a_moving_object_is_not_misregistered_under_camera_reprojection():
-    """Its own motion explains the discard: the previous camera saw the point elsewhere."""
+    """The motion of the object explains the discard: the previous camera saw the point elsewhere."""
     moved = np.uint32(Visibility.VISIBLE | Visibility.MOVED)
     mask = np.full((1, 2), Reason.POSITION | Reason.NORMAL, dtype=np.uint32)
     bits = np.array([[moved, Visibility.VISIBLE]], dtype=np.uint32)

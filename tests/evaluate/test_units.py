@@ -45,7 +45,7 @@ def test_camera_translations_are_in_meters(runs):
 
 
 def test_masks_compare_scene_units_and_the_summary_reports_meters(runs):
-    """The same threshold in scene units discards the same pixels; threshold and curve edges are reported in meters."""
+    """A threshold in scene units discards the same pixels in any unit; it is reported in meters, as curve edges are."""
     plain, scaled = (run.summary for run in runs)
     assert plain["settings"]["thresholds"]["position"] == 32 / 255
     assert scaled["settings"]["thresholds"]["position"] == 32 / 255 / SCALE

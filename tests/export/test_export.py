@@ -11,7 +11,6 @@ import pytest
 from export_tools import DEMO, HEIGHT, WIDTH, export
 from fixed import fixed_settings
 
-from taubench_gl.apps import cli
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.run import MANIFEST, ExportOptions, export_scene
 from taubench_gl.pathtraced.cameras import read_camera_file
@@ -140,12 +139,10 @@ def test_invalid_options(tmp_path, taubench, arguments, named):
     assert code == 2 and named in err and not (tmp_path / "out").exists()
 
 
-def test_the_command(tmp_path, capsys):
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["export", str(DEMO), "--out", str(tmp_path / "o"), "--size", "16x9", "--frames", "0:2",
-                  "--channels", "depth,motion", "--format", "npz"])  # fmt: skip
-    assert caught.value.code == 0
-    assert "2 frames written: depth, motion" in capsys.readouterr().out
+def test_the_command(tmp_path, taubench):
+    options = ("--size", "16x9", "--frames", "0:2", "--channels", "depth,motion", "--format", "npz")
+    code, out, _ = taubench("export", DEMO, "--out", tmp_path / "o", *options)
+    assert code == 0 and "2 frames written: depth, motion" in out
 
 
 def test_folder_with_a_partial_manifest_is_usable(tmp_path):

@@ -194,6 +194,8 @@ def test_a_killed_export_continues(tmp_path):
     assert len(list((tmp_path / "a").glob("frame_*.npz"))) == 3 and not list((tmp_path / "a").glob("*.safetensors"))
     with pytest.raises(OutputError):
         export_scene(scene, tmp_path / "a", chosen.replace(exposure=2.0), options)
+    with pytest.raises(OutputError):
+        inspect_export(tmp_path / "a")
     done = export_scene(scene, tmp_path / "a", chosen, options)
     assert (done.written, done.kept) == (2, 3)
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == [
@@ -233,6 +235,13 @@ def test_the_command_writes_them(taubench, tmp_path, fixed_light):
     assert code == 0, err
     found, text = tensors(tmp_path / "nss")
     assert found["colour_linear"].shape == (3, 3, 9, 16) and text["Length"] == "3"
+    assert taubench("inspect", tmp_path / "nss")[0] == 0
+    code, _, err = taubench(
+        "export", DEMO, "--out", tmp_path / "npz", "--format", "npz", "--channels", "depth", *common
+    )
+    assert code == 0, err
+    code, _, err = taubench("inspect", tmp_path / "npz")
+    assert code == 2 and "npz" in err
     code, _, err = taubench("export", DEMO, "--out", tmp_path / "no", "--format", "noisebase", *common)
     assert code == 2 and "--reference" in err and not (tmp_path / "no").exists()
 

@@ -24,7 +24,7 @@ TEXTURE_UPDATE, BUFFER_UPDATE = moderngl.TEXTURE_UPDATE_BARRIER_BIT, moderngl.BU
 FRAMEBUFFER = moderngl.FRAMEBUFFER_BARRIER_BIT
 
 DRAWN = IMAGE
-"""Of what is drawn samplers and framebuffers see everything by themselves; what image loads see, barriers order."""
+"""Drawn pixels: samplers and framebuffers see them without a barrier, image loads need one."""
 
 STORED_TEXTURE = IMAGE | FETCH | TEXTURE_UPDATE | FRAMEBUFFER
 STORED_BUFFER = STORAGE | ATTRIBUTE | BUFFER_UPDATE

@@ -129,7 +129,7 @@ def test_every_feature_and_every_fault(gpu, broken: float, sampling: str, reproj
 
 @pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
 def test_distances_of_every_pixel(gpu, sampling: str) -> None:
-    """They are those of the reference, give the recorded counts at the thresholds and at every edge of the curve."""
+    """Distances are those of the reference and give the recorded counts at the thresholds and edges of the curve."""
     rng = np.random.default_rng(3)
     now_view, then_view = views()
     now, then = frame(rng, now_view, 0.02), frame(rng, then_view, 0.02)

@@ -243,9 +243,9 @@ def test_primitives_that_share_indices_are_counted_before_they_are_expanded(tmp_
     assert "mesh 0" in error.what and "primitives" in error.what
 
 
-@pytest.mark.parametrize("limit_text", ["20MiB", "1GiB"])
+@pytest.mark.parametrize("limit_text", ["8MiB", "24MiB", "1GiB"])
 def test_images_are_counted_before_they_are_decoded(tmp_path, monkeypatch, limit_text):
-    """1024 x 1024 pixels take 16 MiB, whatever the file has, and two of them 32."""
+    """1024 x 1024 pixels take 6 MiB, whatever the file has, and one at a time 20 more; the sum names all of them."""
     names = [png(tmp_path / f"{i}.png", 1024).name for i in range(2)]
     texture = {"materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}},
                               "emissiveTexture": {"index": 1}}],
@@ -253,9 +253,10 @@ def test_images_are_counted_before_they_are_decoded(tmp_path, monkeypatch, limit
     path = gltf(tmp_path / "a.gltf", {"mesh": 0}, 1, TRIANGLE, **texture)
     monkeypatch.setenv(VARIABLE, limit_text)
     if limit_text == "1GiB":
-        assert memory_of(load_scene(path))["images"] == 2 * 16 << 20
+        assert memory_of(load_scene(path))["images"] == (2 * 6 + 20) << 20
     else:
-        assert refused(SceneError, lambda: load_scene(path)).where.endswith("/images/1")
+        error = refused(SceneError, lambda: load_scene(path))
+        assert error.where.endswith("/images/0") if limit_text == "8MiB" else "32 MiB of it for images" in error.what
 
 
 def test_inspect_prints_the_same_sum_as_is_checked(tmp_path):

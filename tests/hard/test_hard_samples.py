@@ -119,6 +119,9 @@ def test_visits_draw_every_pixel_of_its_stratum_once():
     expected[0, 0] += places["indirect"]
     expected[-1] = -1
     assert np.array_equal(image, expected)
+    differs = np.arange(30) % 3 == 0  # of which every pixel is in one of two strata
+    apart = strata_of(words, {"direct": direct}, {"direct": 0.1, "color": 0.1}, traced, differs & traced)
+    assert np.array_equal(apart, np.where(differs & traced, 16 + near, expected)) and apart.max() == STRATA - 1
     strata = PixelStrata.of(image, STRATA, (1, 2))
     sizes = np.bincount(image[image >= 0], minlength=STRATA)
     demand = sizes * np.where(np.arange(STRATA) % 2, 0.5, 0.15)

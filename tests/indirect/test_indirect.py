@@ -44,7 +44,7 @@ def floor_and_ceiling_builder(*, wall: bool = False) -> SceneBuilder:
 
 
 def floor_and_ceiling(*, wall: bool = False) -> Scene:
-    """The same, seen by a camera on the floor that looks at the ceiling."""
+    """A floor and a ceiling, seen by a camera on the floor that looks at the ceiling."""
     s = floor_and_ceiling_builder(wall=wall)
     s.camera(translation=(-1.5, 0.1, 0.0), rotation=LOOK_UP, yfov=0.8, znear=0.05)
     return s.build()

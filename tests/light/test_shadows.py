@@ -185,7 +185,7 @@ def test_a_masked_caster_casts_what_is_left_of_it(gpu):
 
 
 def posed_box(how: str) -> Scene:
-    """The same half-meter box at (1, 0.5, 0.25): moved by its node, its joint, or its morph target."""
+    """A half-meter box at (1, 0.5, 0.25), moved there by its node, its joint, or its morph target."""
     b = SceneBuilder()
     floor(b, material=lambert(b))
     to = np.array([1.0, 0.5, 0.25])

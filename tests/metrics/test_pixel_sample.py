@@ -73,7 +73,7 @@ def test_every_pixel_of_every_pair_has_no_error():
 
 
 def test_a_rate_is_a_total_over_a_total():
-    """Of surface pixels, whose number differs from pair to pair; every pixel is sampled."""
+    """A rate of surface pixels, whose number differs from pair to pair, is exact where every pixel is sampled."""
     rng = np.random.default_rng(4)
     strata, x, y = population(3, rng)
     y = np.where(strata < 0, x, y)

@@ -62,7 +62,7 @@ class Reference:
             return Estimate(file["mean"].astype(np.float64), file["variance"].astype(np.float64), int(file["count"]))
 
     def settings(self, **values) -> Settings:
-        """Those of a run of the rasterizer's camera and frames, in the units of the renders."""
+        """Settings of a run with the camera and frames of the renders, in their units."""
         fixed = {
             "size": SIZE, "fps": FPS, "frames": (FRAMES[0], FRAMES[-1] + 1), "columns": COLUMNS, "textures": "finest",
             "light_unit": "watt", "exposure": 1.0, "environment": self.environment,

@@ -233,7 +233,7 @@ render_reference(scene, choose_camera(scene), range(2), sys.argv[2], fps=24.0, s
 
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_blender_ends_when_its_driver_is_killed(scene, tmp_path, wrapped):
-    """Also behind a wrapper script, where it is not a child of the driver; meanwhile a second driver is refused."""
+    """Blender ends behind a wrapper script too, which is its parent; meanwhile a second driver is refused."""
     modules, out, python = tmp_path / "modules", tmp_path / "out", sys.executable
     modules.mkdir()
     for name, text in FAKE_MODULES.items():

@@ -177,7 +177,7 @@ def test_the_noise_floor_of_two_seeds_is_noise_and_that_of_one_is_zero(renders, 
 
 
 def test_real_cycles_files_with_a_fitted_and_a_scene_camera(data):
-    """Both cameras give the same counts."""
+    """A fitted camera and that of the scene give the same counts."""
     folder = data / "cycles" / "sponza_man"
     scene = folder / "sponza_man_camera_lights.glb"
     fitted = evaluate_path_traced(f"exr:{folder}")

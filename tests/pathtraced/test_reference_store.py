@@ -109,7 +109,7 @@ def test_an_interrupted_frame_keeps_its_samples(tmp_path):
 
 
 def test_halves_are_kept_apart(tmp_path):
-    """Of two interrupted writers each has more samples of one half."""
+    """Two interrupted writers have more samples of one half each: the stored halves have those of both."""
     view, all_samples = Dice().view(0), expected(0, 40)
     for counts in ((20, 3), (7, 20)):
         sums = Accumulated.empty(SIZE)
@@ -189,7 +189,7 @@ def test_the_noise_is_the_standard_error_of_the_mean(tmp_path):
 
 
 def test_the_background_does_not_hide_the_noise():
-    """The same noisy pixels alone and as a tenth of an image without light elsewhere."""
+    """Noisy pixels have one error alone and as a tenth of an image without light elsewhere."""
     drawn = 1.0 + 0.1 * np.random.default_rng(1).normal(size=(2, 10, 10, 1)).astype(np.float32)
     alone, framed = Accumulated.empty((10, 10)), Accumulated.empty((10, 100))
     for half in range(2):

@@ -94,7 +94,7 @@ def build(
 
 
 def shaped(primitive: Primitive, indexed: bool) -> Primitive:
-    """The same triangles; without ``indexed``, no two share a vertex."""
+    """The primitive with the same triangles; without ``indexed``, no two share a vertex."""
     if indexed:
         return primitive
     corners = primitive.triangles.reshape(-1)

@@ -153,3 +153,11 @@ def test_a_small_budget_is_announced(gpu) -> None:
         hits.at(0.0)
         at = np.zeros(1), np.zeros(1), np.full((1, 2), 0.3), np.array([[0.0, 0.0, -1.0]])
         assert np.allclose(hits.surfaces(*at).base_color, srgb_decode(200 / 255), atol=1e-5)
+
+
+def test_materials_that_nothing_drawn_has_need_no_image(gpu) -> None:
+    scene = textured([noise(), noise((6, 8))], base_color_texture=Texture(0))
+    unused = replace(scene.materials[-1], base_color_texture=Texture(1))
+    scene = replace(scene, materials=(*scene.materials, unused))
+    with opened(gpu, scene, choose_camera(scene), (16, 9)) as hits:
+        assert set(hits.attributes.atlas.places) == {0}

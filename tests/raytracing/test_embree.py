@@ -1,4 +1,4 @@
-"""The same rays answered by Embree: same primitive, or a distance within 1e-5, but for a band around edges."""
+"""Rays hit what Embree says: the primitive, or a distance within 1e-5, but for a band around edges."""
 
 from __future__ import annotations
 

@@ -160,7 +160,7 @@ def test_a_scene_of_nothing_is_missed(gpu):
 
 
 def test_a_moving_mesh_without_finite_corners_adds_no_nodes(gpu):
-    """Its tree is empty; rays meet the wall behind it, which comes later in the node image."""
+    """The tree of such a mesh is empty; rays meet the wall behind it, which comes later in the node image."""
     nothing = primitive(np.full((3, 3), np.nan), [[0, 1, 2]])
     wall = quad((-1, -1, -2), (2, 0, 0), (0, 2, 0))
     scene = make_scene(nothing, wall)

@@ -180,7 +180,7 @@ def test_instances_mirrors_and_uneven_scales(gpu) -> None:
 
 
 def test_masks_and_blended_surfaces_are_there_where_the_rasterizer_draws(gpu) -> None:
-    """That rays pass where it does not is in test_masked_coverage."""
+    """Rays hit where the rasterizer draws; test_masked_coverage has the rays that pass where it does not."""
     b = seen_from()
     for i, mode in enumerate(({"alpha_mode": "MASK", "alpha_cutoff": 0.35}, {"alpha_mode": "BLEND"})):
         m = b.material(base_color_texture=Texture(0), base_color=(1.0, 1.0, 1.0, 0.9), double_sided=True, **mode)

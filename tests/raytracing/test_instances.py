@@ -141,7 +141,7 @@ def test_the_frame_before_is_kept_on_request(gpu):
 
 
 def test_posed_draws_of_the_frame_before(gpu):
-    """Of the demo: as the structure of that frame itself answers."""
+    """Rays into the previous frame of the demo are answered as by the structure of that frame."""
     scene = load_scene(ASSETS / "demo.glb")
     with traced(gpu, scene, choose_camera(scene), keep_previous=True) as t:
         assert len(t.structure.table.posed)

@@ -39,7 +39,7 @@ def test_probabilities_of_a_cell():
 
 
 def test_lights_left_out_of_a_cell_do_not_reach_it():
-    """Of random points, only lights of their cell are within range; importance is power over squared distance."""
+    """Only lights of its cell are within range of a random point; importance is power over squared distance."""
     grid, (positions, power, ranges, faded) = LightCells.of_box(np.zeros(3), np.full(3, 5.0), 100), lamps(60, 7)
     importance = grid.importance(positions, power, ranges, faded)
     points = np.random.default_rng(1).uniform(0.0, 5.0, (4000, 3))

@@ -49,7 +49,7 @@ class Glass:
         return np.maximum(np.asarray(self.roughness, dtype=np.float64) ** 2, MIN_ALPHA)
 
     def reflectance(self, cosine: Array) -> Array:
-        """Of the lobe at a normal whose cosine to the view is ``cosine``."""
+        """Reflectance of the lobe at a normal whose cosine to the view is ``cosine``."""
         normal, exact = fresnel(1.0, self.eta), fresnel(cosine, self.eta)
         f0 = np.minimum(normal * self.tint, 1.0) * self.specular
         total = 1.0 - np.asarray(cosine) ** 2 >= np.asarray(self.eta) ** 2

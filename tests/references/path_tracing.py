@@ -73,7 +73,7 @@ class TraceScene:
     segments: LightSegments | None = None  # of ``lights``, for bidirectional paths
 
     def material(self, rows: Array) -> SurfaceMaterial:
-        """Of triangles ``rows`` (n,)."""
+        """Material of the triangles ``rows`` (n,)."""
         return SurfaceMaterial(self.base_color[rows], self.metallic[rows], self.roughness[rows], self.specular[rows])
 
     def cell_of(self, p: Array) -> Array:

@@ -63,7 +63,7 @@ def estimate_direct(
 
 
 def estimate_indirect(per_light: Array, size: tuple[int, int], frame: int, seed: int, samples: int) -> Array:
-    """The same estimate over VPLs with equal probabilities.  ``per_light`` (V, h, w, 3) -> (h, w, 3)."""
+    """Indirect light estimated from VPLs with equal probabilities.  ``per_light`` (V, h, w, 3) -> (h, w, 3)."""
     rows, columns = np.indices(size[::-1])
     total, count = np.zeros(per_light.shape[1:]), len(per_light)
     for sample in range(samples):

@@ -92,7 +92,7 @@ def test_an_existing_folder_is_kept(tmp_path):
 
 @pytest.mark.long
 def test_a_test_that_rejects_everything_reuses_nothing(tmp_path):
-    """Of the same running mean: all surfaces' history rejected, or none that a test of 10^6 m lets pass."""
+    """A running mean without any history has another error than one whose test of 10^6 m lets all history pass."""
     run = CliRunner()
     out = tmp_path / "methods"
     for name, threshold in (("all", "0"), ("none", "1000000")):

@@ -64,7 +64,7 @@ def test_all_pairs_in_the_bytes_that_a_page_may_have(recorded, stored_run, monke
 
 @pytest.mark.parametrize("motion", ["no-preference", "reduce"])
 def test_the_page_plays_masks_and_has_no_button_for_what_it_leaves_out(recorded, browser, motion, taubench):
-    """It stands still where the reader's system asks for less motion."""
+    """The page stands still where the reader's system asks for less motion."""
     assert taubench("share", recorded)[0] == 0
     with contextlib.contextmanager(opened)(browser, recorded / "share.html", reduced_motion=motion) as page:
         if motion == "reduce":

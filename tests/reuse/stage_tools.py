@@ -51,7 +51,7 @@ def _noise(image: Array, rng: np.random.Generator) -> Array:
 
 
 def _still(inputs: Mapping[str, Array]) -> dict[str, Array]:
-    """The same geometry in the frame before."""
+    """``inputs`` whose frame before has the geometry of the frame itself."""
     return {
         "motion": np.zeros_like(inputs["motion"]),
         "prev_position": inputs["position"],

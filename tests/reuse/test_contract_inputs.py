@@ -97,7 +97,7 @@ def test_statistics_of_paths(gpu):
 
 
 def test_variance_is_that_of_many_frames(gpu):
-    """Of one frame against the spread of 48 frames: not below it, and above it by what stratified samples gain."""
+    """The variance of one frame is not below the spread of 48, and above it by what stratified samples gain."""
     scene = still()
     with varied_inputs(gpu, "path-traced@4", ("variance", "radiance"), scene=scene, width=20, height=15) as inputs:
         frames = [float_arrays(inputs.advance(k)) for k in range(48)]

@@ -104,7 +104,7 @@ def test_without_motion_the_box_is_not_followed(gpu, ours):
 
 
 def test_motion_holds_the_vectors_of_the_files_as_they_are(gpu):
-    """Also where they are within a part of a pixel of the camera's, and in the sky."""
+    """Vectors are kept where they differ by a part of a pixel from the camera's, and in the sky."""
     files, sequence = from_files(gpu, mover())[0], PathTracedSequence.open(INPUT)
     for number, got in list(zip(FRAMES, files, strict=True))[1:]:
         np.testing.assert_allclose(got["motion"], sequence.read(number).motion, atol=1e-5)

@@ -256,7 +256,7 @@ def test_wrong_declarations(tmp_path, text, part):
 
 
 def test_a_struct_needs_no_lights(tmp_path):
-    """Also a method of shaded frames has records; their bytes count."""
+    """A method of shaded frames can have records, too; their bytes count."""
     toml = PLAIN_TOML.replace(
         "[[pass]]", '[structs]\nPair = { a = "vec2", b = "float" }\n[history]\nx = "Pair"\n[[pass]]'
     )

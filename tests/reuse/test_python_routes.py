@@ -34,7 +34,7 @@ def steps(count=6, size=SIZE):
 
 
 def test_one_method_in_three_languages(gpu, tmp_path):
-    """The same image in GLSL, NumPy and torch; each has at most 25 lines."""
+    """A method in GLSL, NumPy and torch gives one image; each text has at most 25 lines."""
     pytest.importorskip("torch", reason="torch is not installed")
     ema = example("Ema")
     methods = {
@@ -165,7 +165,7 @@ def blend_model() -> bytes:
 
 
 def test_the_onnx_example_of_the_guide(gpu, tmp_path):
-    """It is the method of the guide with alpha 0.1, without reported weights."""
+    """The ONNX example is the method of the guide with alpha 0.1, without reported weights."""
     pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
     found = play(gpu, example("Model", MODEL=blend_model()), steps())
     expected = play(gpu, str(write_method(tmp_path / "ema", GLSL["method.toml"], ema=GLSL["ema.glsl"])), steps())

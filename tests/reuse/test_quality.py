@@ -172,7 +172,7 @@ def test_weights_against_the_exact_mask():
 
 @pytest.mark.parametrize("broken_frame", [0, 1])
 def test_invalid_pixel_has_no_temporal_error(broken_frame):
-    """It is black, and neither its frame nor the next one counts the change to black and back."""
+    """An invalid pixel is black; neither its frame nor the next one counts the change to black and back."""
     record, previous = MethodRecord("m", frozenset({"tpsnr", "flicker"}), True), None
     mask, motion, everywhere = np.zeros((H, W), dtype=np.uint32), np.zeros((H, W, 2)), np.ones((H, W), dtype=bool)
     for frame in range(2):

@@ -83,14 +83,15 @@ def test_the_curve_is_that_of_a_simulation(event, tmp_path):
     light = [frame.radiance["reference"].astype(np.float64) for frame in frames]
     names = list(CLASSES)
     changed = {"light_born": ("lit",), "light_killed": ("shadowed",), "light_moved": ("lit", "shadowed")}[event]
-    pixels = np.isin(frames[EVENT].classes, [names.index(name) for name in changed])
+    pixels = np.flatnonzero(np.isin(frames[EVENT].classes, [names.index(name) for name in changed]))
+    pixels = pixels[:: -(-len(pixels) // MOST_PIXELS)]
     shown = light[0]
     for number, expected in enumerate(light):
         shown = expected if number == 0 else (1.0 - alpha) * shown + alpha * expected
         if number >= EVENT:
-            curve.append(float(((shown - expected) ** 2)[pixels].mean()))
+            curve.append(float(((shown - expected) ** 2).reshape(-1, 3)[pixels].mean()))
     found = done.summary["methods"][blend(alpha)]["response"]
-    assert set(found) == {event} and np.count_nonzero(pixels) > 500
+    assert set(found) == {event} and len(pixels) > 500
     np.testing.assert_allclose(found[event]["curve"], curve, rtol=1e-4, atol=1e-12)
     assert found[event]["frames"] == closed_form(alpha) and found[event]["never_percent"] == 0.0
     assert done.summary["methods"]["none"]["response"][event]["frames"] == 0.0

@@ -109,7 +109,7 @@ def test_textures_of_other_sizes_are_resampled(tmp_path: Path) -> None:
 
 
 def test_textures_with_other_coordinates(tmp_path: Path) -> None:
-    """They cannot be combined texel by texel: the specular factor is used, with a note."""
+    """Textures at other coordinates cannot be combined by texels: the specular factor is used, with a note."""
     scene = glossy_scene(tmp_path, (png(), png((3, 2), "RGBA", (9, 9, 9, 9))), ({}, {"texCoord": 1}))
     assert [n.kind for n in scene.notes] == ["specular-texture", "specular-glossiness"]
     assert scene.materials[0].base_color_texture is not None

@@ -144,7 +144,7 @@ def test_bad_files_never_crash_and_repaired_ones_have_one_note_of_each_kind(data
 
 
 def test_broken_images_fail_when_sampled(data: Path, tmp_path: Path) -> None:
-    """The same broken images, sampled by a material."""
+    """Broken images that a material samples make the file fail."""
     folder = data / "bad_gltf" / "validator" / "base" / "data" / "image"
     for name in ("invalid_data_uri", "invalid_image_data", "invalid_uri_scheme", "not_found", "png_eos"):
         document = read_json(folder / f"{name}.gltf")

@@ -41,7 +41,7 @@ def test_empty_name(tmp_path: Path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["exr:renders", "exr:", "exr:renders/name*.exr"])
 def test_path_traced_frames_are_no_scene(tmp_path: Path, monkeypatch, name: str):
-    """Also where a folder has that name."""
+    """Frames are refused as a scene, with and without a folder of that name."""
     (tmp_path / "exr:renders").mkdir()
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SceneError) as caught:

@@ -227,7 +227,7 @@ def test_a_clip_ends_where_its_images_change_size(drive, tmp_path):
 
 
 def test_a_method_starts_with_light(drive):
-    """Its image is a color; without a method, software rendering starts without light."""
+    """A method needs light for its image; without a method, software rendering starts without light."""
     with_method, without = (drive(settings=SMALL, light=None, **how).viewer.state for how in ({"method": "none"}, {}))
     assert with_method.channel == "color" and not with_method.switched_off
     assert without.channel == "base_color" and "color" in without.switched_off

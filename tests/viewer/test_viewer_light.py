@@ -85,7 +85,7 @@ def test_light_masks_are_shown_from_coarse_light(drive):
 
 
 def test_the_probe_is_complete_while_playing(drive):
-    """It has the light of the coarse pixel over its own; previous and reprojected are shown."""
+    """The probe has the light of the coarse pixel over its own; previous and reprojected are shown."""
     driven = drive(settings=LIT, light=True)
     driven.run("frame 8\nset channel color\nset probe 20,14\nset probe_pinned on")
     still, tiles = driven.viewer.probe(), magnified(driven)

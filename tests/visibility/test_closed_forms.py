@@ -66,7 +66,7 @@ def test_the_mask_does_not_depend_on_the_resolution(gpu):
 
 
 def test_a_board_seen_from_its_undrawn_back_hides_nothing(gpu):
-    """The same board, facing away: the rasterizer does not draw it, so the previous camera saw through it."""
+    """The rasterizer does not draw a board that faces away, so the previous camera saw through it."""
     turned = quad((HALF, -9, -BOARD), (-2 * HALF, 0, 0), (0, 18, 0))
     wall = quad((-30, -30, -WALL), (60, 0, 0), (0, 60, 0))
     for double_sided, expected in ((False, 0), (True, 1)):

@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, percent, swept
 from taubench_gl.demos.sheet import CHECKER, Sheet, checkerboard
 from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
@@ -55,7 +55,7 @@ def without_the_test(images: PairImages) -> Reprojected:
 OPENING = Opening((Reason.BEHIND, Reason.OUTSIDE))
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """History of a turn by 180 degrees, with and without the test of w."""
     lit = stage.pair(scene(), columns=("frustum", "color"))
     naive = without_the_test(stage.bench.pair(scene()))
@@ -74,18 +74,13 @@ def run(stage: Stage) -> Result:
     sheet.legend([("checkerboard: no history", CHECKER)])
     mirror = pixel_grid(stage.size)[::-1]  # row r reads row h - 1 - r of its own column
     error = np.abs(pixel_grid(stage.size) + naive.motion_px - mirror)[reused_naive].max()
-    turn = "(x, y, -1) rotated by 180° is (-x, y, 1); divided by w = -1 it is (x, -y): always in the image"
-    findings = (
-        Finding(percent(reused_naive), "%", "of the pixels are wrongly reused without the test of w",
-                Expected.near(100.0, 0.0, turn)),
-        Finding(percent(reused), "%", "of the pixels are reused with the test of w",
-                Expected.near(0.0, 0.0, "no visible point was in front of the previous camera")),
-        Finding(float(error), "px", "is the largest distance of the false history from the mirrored position",
-                Expected.between(0.0, 0.01, "(x, -y) again, in float32 at coordinates of some hundreds", 3), 4),
-    )  # fmt: skip
-    caption = "Top: two frames, rotated by 180°. Bottom: reprojected history without and with the test of w."
-    screens = Screens(untested, "History without the test of w.")
-    return Result(findings, sheet, caption, _angle(stage, last), screens=screens)
+    numbers = {
+        "wrongly_reused": (percent(reused_naive), Expected.near(100.0, 0.0)),
+        "reused": (percent(reused), Expected.near(0.0, 0.0)),
+        "mirror_error": (float(error), Expected.between(0.0, 0.01, 3)),
+    }
+    screens = Screens(untested)
+    return Measured(numbers, sheet, _angle(stage, last), screens=screens)
 
 
 def _angle(stage: Stage, before: Array) -> Parameter:
@@ -101,10 +96,4 @@ def _angle(stage: Stage, before: Array) -> Parameter:
         outside, slack = theory.frustum_share(-math3d.mat3_from_quat(turn_y(angle)), YFOV, stage.size)
         return checkerboard(history, ~reused, stage.cell), percent(false), 100.0 - outside, 2.0 * slack
 
-    return swept(
-        "angle of the turn", "°", ANGLES, at, start=180.0, number_unit="%",
-        meaning="of the pixels are wrongly reused without the test of w",
-        source="area of the polygon of directions whose opposite the previous camera saw; ± the pixels on its edge, "
-        "which at 180° are the outermost of the image",
-        note="History without the test of w; checkerboard: none.",
-    )  # fmt: skip
+    return swept(ANGLES, at, start=180.0)

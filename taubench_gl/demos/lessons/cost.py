@@ -12,7 +12,7 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Screens, swept
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, scene, walls
 from taubench_gl.demos.sheet import BLACK, BLUE, INK, RED, Sheet, enlarged, overlay, reason_entries, scaled_to
 from taubench_gl.demos.stage import Stage
@@ -79,7 +79,7 @@ def slack(size: Size, samples: int = 1) -> float:
 OPENING = Opening((Reason.POSITION,), frame=2, settings={"fps": FPS})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The error and the time of each configuration."""
     size, points = stage.size, measured(stage)
     exact = exact_percent(size)
@@ -96,28 +96,17 @@ def run(stage: Stage) -> Result:
         sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, detail", text)
     _front(sheet, points, exact)
     sheet.legend(reason_entries(Reason.POSITION))
-    findings = []
-    for (scale, samples), meaning, bound in (
-        ((0.25, 1), "at a quarter of the width and height", slack(scaled(size, 0.25))),
-        ((1.0, 1), "at full size, one sample per pixel", slack(size)),
-        ((1.0, 16), "with 16 samples per pixel, the most expensive configuration", slack(size, 16)),
-    ):
-        source = (
-            "each sample on an edge has an error of ± half a sample: 6 deviations; area of the mask from rays, float64"
-        )
-        error = error_at(points, scale, exact, samples)
-        expected = Expected.between(-np.inf, bound, source, 3)
-        findings.append(Finding(error, "pp", f"is the error {meaning}", expected, 4))
-    caption = "Resolution and samples per pixel: the error of each configuration, and the time of a frame."
+    numbers = {}
+    for name, scale, samples in (("quarter", 0.25, 1), ("full", 1.0, 1), ("sixteen", 1.0, 16)):
+        bound = slack(scaled(size, scale), samples)
+        numbers[name] = error_at(points, scale, exact, samples), Expected.between(-np.inf, bound, 3)
     parameter = swept(
-        "resolution", "%", tuple(100.0 * scale for scale in SCALES),
+        tuple(100.0 * scale for scale in SCALES),
         lambda p: (details[p / 100], error_at(points, p / 100, exact), 0.0, slack(scaled(size, p / 100))),
-        start=100.0 * SCALES[0], meaning="is the error of the share", number_unit="pp", digits=3,
-        source="each of the samples on an edge is wrong by up to half a sample at random; 6 deviations",
-        note="The same detail of the mask. Blue: discarded by position.",
-    )  # fmt: skip
-    screens = Screens(masks[0], "The mask with a sixteenth of the pixels. Blue: discarded by position.")
-    return Result(tuple(findings), sheet, caption, parameter, screens=screens)
+        start=100.0 * SCALES[0],
+    )
+    screens = Screens(masks[0])
+    return Measured(numbers, sheet, parameter, screens=screens)
 
 
 def measured(stage: Stage) -> list[Point]:

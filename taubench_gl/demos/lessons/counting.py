@@ -6,7 +6,7 @@ import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, percent, swept, with_value
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, percent, swept, with_value
 from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances, scene
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, gray_image, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import LitPair, Stage
@@ -62,14 +62,14 @@ def curve_at(distance: Array, threshold: float, bits: int) -> float:
 OPENING = Opening((Reason.POSITION,), settings={"thresholds": {"position": THRESHOLD}, "shadow_lights": 0})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """An hour of one pair summed in float32, and one curve from histograms of three widths."""
     pair = stage.pair(scene(), columns=("frustum", "position", "color"), thresholds={"position": THRESHOLD},
                       shadow_lights=0)  # fmt: skip
     moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
     discarded = int(pair.has(Reason.POSITION).sum())
     sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=336, bars=True)
-    text = f"{discarded} of {stage.pixels} pixels discarded"
+    text = f"{discarded} of {stage.pixels} pixels discarded: {100.0 * discarded / stage.pixels:.4f} %"
     sheet.panel(0, 0, overlay(pair.mask, pair.now["color"], Reason.POSITION), f"one pair, {THRESHOLD:g} m", text)
     sheet.panel(1, 0, heat(np.log2(moved.clip(0.01)) - np.log2(0.01), 8.0), "distance between the frames")
     ticks = [(i / 8, f"{2**i}") for i in range(0, 9, 2)]
@@ -77,9 +77,8 @@ def run(stage: Stage) -> Result:
     _plot_sums(sheet, discarded)
     _plot_curves(sheet, moved)
     sheet.legend(reason_entries(Reason.POSITION))
-    caption = "An hour of the same pair summed in float32, and the same distances in histograms of three widths."
-    findings = (*_sum_findings(discarded, stage.pixels), *_curve_findings(stage, moved, discarded))
-    return Result(findings, sheet, caption, _threshold(pair, moved))
+    numbers = _sum_numbers(discarded, stage.pixels) | _curve_numbers(stage, moved, discarded)
+    return Measured(numbers, sheet, _threshold(pair, moved))
 
 
 def _threshold(pair: LitPair, moved: Array) -> Parameter:
@@ -96,44 +95,34 @@ def _threshold(pair: LitPair, moved: Array) -> Parameter:
         inside = percent((moved >= low) & (moved < 2.0 * low))
         return image, 100.0 * curve_at(moved, value, COARSE) / moved.size, percent(moved > value), inside + 1e-9
 
-    return swept(
-        "position threshold", "m", values, at, start=THRESHOLD, number_unit="%",
-        meaning="of the pixels by the curve with 1 bin per octave",
-        source="the pixels above the threshold; ± all pixels of its bin", note="Blue: the pixels above the threshold.",
-    )  # fmt: skip
+    return swept(values, at, start=THRESHOLD)
 
 
-def _sum_findings(discarded: int, pixels: int) -> tuple[Finding, ...]:
+def _sum_numbers(discarded: int, pixels: int) -> dict[str, tuple[float, Expected]]:
     """What float32 sums of an hour make of a pair in which ``discarded`` of ``pixels`` are discarded."""
     limit = int(plain_sums(np.ones((1 << 24) + 1000))[-1])
     plain = 100.0 * float(plain_sums(np.full(PAIRS, discarded))[-1]) / float(plain_sums(np.full(PAIRS, pixels))[-1])
     rounded = 100.0 * rounded_sum(discarded, PAIRS) / rounded_sum(pixels, PAIRS)
     compensated = abs(compensated_sum(np.full(PAIRS, discarded)) / (discarded * PAIRS) - 1.0) * 2.0**24
-    return (
-        Finding(limit / 1e6, "million pixels", "is where a float32 counter that adds single pixels stops",
-                Expected.near(2.0**24 / 1e6, 0.0, "above 2^24 float32 has steps of 2, and 1 is rounded away", 6), 6),
-        Finding(plain, "%", f"is discarded in an hour by plain float32 sums; exact: {100.0 * discarded / pixels:.4f} %",
-                Expected.near(rounded, 1e-9, "each sum rounded to 24 bits, half to even, in integers", 4), 4),
-        Finding(compensated, "x 2^-24", "is the relative error of the compensated float32 sum",
-                Expected.between(0.0, 1.0, "one rounding at the end (Neumaier 1974)", 2)),
-    )  # fmt: skip
+    return {
+        "counter": (limit / 1e6, Expected.near(2.0**24 / 1e6, 0.0, 6)),
+        "plain": (plain, Expected.near(rounded, 1e-9, 4)),
+        "compensated": (compensated, Expected.between(0.0, 1.0)),
+    }
 
 
-def _curve_findings(stage: Stage, moved: Array, discarded: int) -> tuple[Finding, ...]:
+def _curve_numbers(stage: Stage, moved: Array, discarded: int) -> dict[str, tuple[float, Expected]]:
     """The errors of curves at THRESHOLD, from ``moved`` (h, w), against the count ``discarded`` of the mask."""
     low, high = 0.125, 0.25  # the edges around THRESHOLD with 1 bin per octave
     expected = distances(stage.size)
     inside = (expected >= low) & (expected < high)
     weight = (high - THRESHOLD) / (high - low)
     slack = 50.0 * weight * theory.edge_pixels(inside) / inside.size
-    source = "the key that moved by 16 cm counts by its distance to the edges, 0.4 of its area; ± half its edge pixels"
     errors = [curve_at(moved, THRESHOLD, bits) - discarded for bits in (COARSE, FINE)]
-    return (
-        Finding(100.0 * errors[0] / stage.pixels, "pp", f"is the error at {THRESHOLD:g} m with 1 bin per octave",
-                Expected.near(100.0 * weight * float(inside.mean()), slack, source)),
-        Finding(abs(errors[1]), "pixels", f"is the error at {THRESHOLD:g} m with {1 << FINE} bins per octave",
-                Expected.near(0.0, 0.0, "no key is in the bin of the threshold", 0), 0),
-    )  # fmt: skip
+    return {
+        "coarse": (100.0 * errors[0] / stage.pixels, Expected.near(100.0 * weight * float(inside.mean()), slack)),
+        "fine": (abs(errors[1]), Expected.near(0.0, 0.0, 0)),
+    }
 
 
 def _plot_sums(sheet: Sheet, term: int) -> None:

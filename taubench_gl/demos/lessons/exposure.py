@@ -6,7 +6,7 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, percent, swept
 from taubench_gl.demos.sheet import Sheet, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.evaluation import resolve_lighting
@@ -60,7 +60,7 @@ def change(size: Size) -> Array:
 OPENING = Opening(SHOWN, settings={"exposure": "auto"})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The luminance of a wall, the metered exposure, and the discard rate with and without it."""
     columns = ("frustum", "direct")
     automatic = stage.settings(columns=columns, frames=(0, 2), exposure="auto")
@@ -79,30 +79,20 @@ def run(stage: Stage) -> Result:
     _plot(sheet, parameter, metered, stage.size)
     sheet.legend(reason_entries(*SHOWN))
     ratio = float(np.median(luminance / watt.now["direct"][..., 0]))
-    findings = (
-        Finding(most, "cd/m2", "is the luminance of the brightest pixel",
-                Expected.near(brightest, 0.005 * brightest,
-                              "Lambert's law: albedo intensity / (pi distance^2); ± 0.5 %")),
-        Finding(ratio, "", "is the ratio of radiance in candela to that in watt",
-                Expected.near(LUMENS_PER_WATT, 0.01, "683 lumens per watt, as Blender's exporter writes")),
-        Finding(metered, "", "is the metered exposure",
-                Expected.near(expected_exposure(), 0.005 * expected_exposure(),
-                              "0.18 / log-average of the closed form; ± 0.5 %", 4), 4),
-        Finding(bright.percent(Reason.DIRECT), "%", "of the pixels are discarded with an exposure of 1",
-                _share(change(stage.size) > DEFAULT_THRESHOLD)),
-        Finding(gray.percent(Reason.DIRECT), "%", "of the pixels are discarded with the metered exposure",
-                _share(metered * change(stage.size) > DEFAULT_THRESHOLD)),
-    )  # fmt: skip
-    caption = (
-        "A lamp moves in front of a wall: the mask of direct light with two exposures, and the discard rate of all."
-    )
-    screens = Screens(heat(luminance, most), f"Luminance, from 0 (dark) to {most:.1f} cd/m2 (bright).")
-    return Result(findings, sheet, caption, parameter, screens=screens)
+    numbers = {
+        "luminance": (most, Expected.near(brightest, 0.005 * brightest)),
+        "candela_per_watt": (ratio, Expected.near(LUMENS_PER_WATT, 0.01)),
+        "metered_exposure": (metered, Expected.near(expected_exposure(), 0.005 * expected_exposure(), 4)),
+        "discarded": (bright.percent(Reason.DIRECT), _share(change(stage.size) > DEFAULT_THRESHOLD)),
+        "discarded_metered": (gray.percent(Reason.DIRECT), _share(metered * change(stage.size) > DEFAULT_THRESHOLD)),
+    }
+    screens = Screens(heat(luminance, most))
+    return Measured(numbers, sheet, parameter, screens=screens)
 
 
 def _share(region: Array) -> Expected:
     """The share of the pixels in a region (h, w) bool of the closed form, percent."""
-    return Expected.share(region, "closed form; ± half of the pixels on its edge")
+    return Expected.share(region)
 
 
 def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parameter:
@@ -119,11 +109,7 @@ def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parame
         middle, slack = 0.5 * (share.low + share.high), 0.5 * (share.high - share.low)
         return painted(image, (region, rgb(Reason.DIRECT)), strength=0.45), percent(region), middle, slack + 1e-9
 
-    return swept(
-        "exposure", "stops", STOPS, at, start=float(np.log2(metered)), meaning="of the pixels are discarded",
-        number_unit="%", source="closed form; ± half of the pixels on the edges",
-        note="0 stops: exposure 1; each stop doubles it. Yellow: discarded.",
-    )  # fmt: skip
+    return swept(STOPS, at, start=float(np.log2(metered)))
 
 
 def _plot(sheet: Sheet, parameter: Parameter, metered: float, size: Size) -> None:

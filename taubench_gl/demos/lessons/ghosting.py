@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, swept
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, rgb
 from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.frame.targets import read_channel
@@ -94,7 +94,7 @@ def response(trail: Trail) -> float:
 OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), frame=FRAMES - 1, settings={"environment": "none"})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The ghost of the ball in four methods, and its decay."""
     texts = {name: text for name, (text, _, _) in METHODS.items()}
     blended = {f"{alpha:g}": untested(alpha) for alpha in ALPHAS}
@@ -107,23 +107,17 @@ def run(stage: Stage) -> Result:
     _plot(sheet, trails)
     first, clamped, tested, ideal = trails
     left, tenth = 100 * (1 - ALPHA) ** AGE, math.ceil(math.log(0.1) / (2 * math.log(1 - ALPHA)))
-    findings = (
-        Finding(100 * trails[first].weights[AGE], "%", f"of the ball's radiance remains {AGE} frames after it left",
-                Expected.near(left, 0.01 * left, f"moving average: (1 - {ALPHA})^{AGE}; ± 1 % for float32")),
-        Finding(response(trails[first]), "frames", "until the squared error of the wall is a tenth of what it was",
-                Expected.near(tenth, 0, f"moving average: ln 0.1 / (2 ln(1 - {ALPHA})), rounded up", digits=0)),
-        Finding(100 * trails[clamped].weights[AGE], "%", "remains with history clamped to neighborhood colors",
-                Expected.between(-np.inf, 0.5 * left, "less than half: no neighbor has the color of the ball")),
-        Finding(100 * trails[tested].weights[AGE], "%", "remains with position and normal tested",
-                Expected.near(0.0, 0.1, "disoccluded pixels restart without history")),
-        Finding(100 * trails[ideal].weights[AGE], "%", "remains with the masks of the noise-free frames",
-                Expected.near(0.0, 0.1, "every pixel that the ball left is discarded by position")),
-    )  # fmt: skip
-    caption = f"A moving ball after {FRAMES - 1} frames with four reuse methods, and the decay of its ghost."
+    numbers = {
+        "untested": (100 * trails[first].weights[AGE], Expected.near(left, 0.01 * left)),
+        "response": (response(trails[first]), Expected.near(tenth, 0, digits=0)),
+        "clamped": (100 * trails[clamped].weights[AGE], Expected.between(-np.inf, 0.5 * left)),
+        "tested": (100 * trails[tested].weights[AGE], Expected.near(0.0, 0.1)),
+        "exact": (100 * trails[ideal].weights[AGE], Expected.near(0.0, 0.1)),
+    }
     parameter = _weight({alpha: images[name] for alpha, name in zip(ALPHAS, blended)})
     colors = {name: rgb(color) for name, (_, color, _) in METHODS.items()}
-    screens = Screens(parameter.picture(parameter.start), f"A weight of {ALPHA:g}, after {FRAMES - 1} frames.")
-    return Result(findings, sheet, caption, parameter, colors, screens)
+    screens = Screens(parameter.picture(parameter.start))
+    return Measured(numbers, sheet, parameter, colors, screens)
 
 
 def _weight(trails: Mapping[float, Trail]) -> Parameter:
@@ -133,11 +127,7 @@ def _weight(trails: Mapping[float, Trail]) -> Parameter:
         left = 100.0 * (1.0 - alpha) ** AGE
         return shown(trails[alpha].image), 100.0 * trails[alpha].weights[AGE], left, 0.01 * left + 1e-3
 
-    return swept(
-        "weight of the new frame", "", ALPHAS, at, start=ALPHA, number_unit="%",
-        meaning=f"of the ball's radiance remains {AGE} frames after it left",
-        source=f"moving average: (1 - weight)^{AGE}; ± 1 % for float32", note="The image after 12 frames.",
-    )  # fmt: skip
+    return swept(ALPHAS, at, start=ALPHA)
 
 
 def shown(image: Array) -> Array:

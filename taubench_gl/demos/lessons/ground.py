@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FRUSTUM, Reason, Visibility
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, percent, threshold_parameter
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, percent, threshold_parameter
 from taubench_gl.demos.sheet import Sheet, gray_image, painted, rgb
 from taubench_gl.demos.stage import CHALK, SAND, Props, Stage, focal_px
 from taubench_gl.demos.theory import ground_discards, ground_distance
@@ -34,7 +34,7 @@ def scene() -> Scene:
 OPENING = Opening((Reason.POSITION,), frame=2)
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The pixels of level ground that the distance of positions discards, and those that were hidden."""
     columns = ("frustum", "position", "color")
     pair = stage.evaluate(scene(), columns=columns, frames=(1, 3), extra=("prev_visibility",))[1][0]
@@ -53,17 +53,12 @@ def run(stage: Stage) -> Result:
     sheet.legend([("discarded by position", DISCARDED)])
     focal = focal_px(YFOV, height)
     expected = ground_discards(height, EYE, focal, STEP, DEFAULT_THRESHOLD)
-    findings = (
-        Finding(percent(position), "% of all pixels", "are discarded by the distance of positions",
-                Expected.near(expected, 250.0 / height,
-                              "rows whose nearest row before is more than 32/255 m off; ± 2.5 rows")),
-        Finding(percent(hidden), "% of all pixels", "were hidden from the previous camera",
-                Expected.between(0.0, 0.0, "nothing stands on the ground")),
-        Finding(by_width, "% of the scored pixels", "are rejected by the distance in widths of a pixel on the surface",
-                Expected.between(0.0, 500.0 / height, "half a pixel is less than one; 2.5 rows at the horizon")),
-    )  # fmt: skip
-    caption = "Level ground: discarded pixels, and hidden ones."
-    return Result(findings, sheet, caption, _threshold(stage, gray_image(pair)))
+    numbers = {
+        "discarded": (percent(position), Expected.near(expected, 250.0 / height)),
+        "hidden": (percent(hidden), Expected.between(0.0, 0.0)),
+        "rejected_by_width": (by_width, Expected.between(0.0, 500.0 / height)),
+    }
+    return Measured(numbers, sheet, _threshold(stage, gray_image(pair)))
 
 
 def _threshold(stage: Stage, gray: np.ndarray) -> Parameter:
@@ -76,8 +71,5 @@ def _threshold(stage: Stage, gray: np.ndarray) -> Parameter:
     distance = np.where(pair.has(FRUSTUM), 0.0, np.nan_to_num(distance))
     expected = ground_distance(stage.size, EYE, focal_px(YFOV, stage.size[1]), STEP)
     return threshold_parameter(
-        distance, np.geomspace(0.03, 8.0, 40), expected, gray, DISCARDED,
-        start=DEFAULT_THRESHOLD, name="position threshold", unit="m",
-        source="distance to the ground at the nearest previous pixel; ± half of the pixels on the edges",
-        note="Blue: discarded, although nothing hid them.",
-    )  # fmt: skip
+        distance, np.geomspace(0.03, 8.0, 40), expected, gray, DISCARDED, start=DEFAULT_THRESHOLD
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, swept
 from taubench_gl.demos.sheet import BLACK, BLUE, PAPER, RED, Sheet, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import IDENTITY, turn
@@ -75,7 +75,7 @@ def largest_in_blocks(values: Array) -> Array:
 OPENING = Opening((FRUSTUM,))
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The errors of motion vectors that are rounded to 16-bit floats."""
     pair = stage.pair(scene(), columns=("frustum", "color"))
     reusable = ~pair.has(FRUSTUM)
@@ -97,21 +97,14 @@ def run(stage: Stage) -> Result:
     _staircase(sheet, np.abs(pair.motion[reusable]).ravel(), error[reusable].ravel())
     share = 100.0 * float(other.sum() / reusable.sum())
     expected = law(pair.motion[reusable])
-    findings = (
-        Finding(share, "%", "of the reusable pixels read another pixel of the previous frame",
-                Expected.near(expected, _chance(expected, reusable), "the midpoint of two pixels is a 16-bit float: "
-                              "motion up to half a spacing below it rounds to it, with a probability of spacing / 2 "
-                              "per axis; ± 5 sigma")),
-        Finding(float(np.nanmax(error / (0.5 * steps))), "half spacings", "is the largest error of any motion vector",
-                Expected.between(0.9, 1.0, "rounding to nearest: at most half a spacing, nearly reached", 3), 3),
-    )  # fmt: skip
-    caption = (
-        "Motion vectors of a rolling camera in 16-bit floats: the largest errors, and all of them against the motion."
-    )
+    numbers = {
+        "other_pixel": (share, Expected.near(expected, _chance(expected, reusable))),
+        "largest_error": (float(np.nanmax(error / (0.5 * steps))), Expected.between(0.9, 1.0, 3)),
+    }
     colors = {"measured": rgb(BLUE), "half a spacing": rgb(BLACK)}
     parameter = _precision(pair.motion, reusable)
-    screens = Screens(parameter.picture(parameter.start), parameter.note)
-    return Result(findings, sheet, caption, parameter, colors, screens)
+    screens = Screens(parameter.picture(parameter.start))
+    return Measured(numbers, sheet, parameter, colors, screens)
 
 
 def _chance(percent: float, reusable: Array) -> float:
@@ -131,11 +124,7 @@ def _precision(motion: Array, reusable: Array) -> Parameter:
         expected = law(motion[reusable], int(bits))
         return image, 100.0 * float(other.sum() / reusable.sum()), expected, _chance(expected, reusable)
 
-    return swept(
-        "precision", "bits", BITS, at, start=11, meaning="of the reusable pixels read another pixel", number_unit="%",
-        source="half of the spacing per axis, where it is at most half a pixel; ± 5 sigma",
-        note="Red: another pixel; dark: the same pixel; light gray: no history. 16-bit floats have 11 bits.",
-    )  # fmt: skip
+    return swept(BITS, at, start=11)
 
 
 def _staircase(sheet: Sheet, motion: Array, error: Array) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Screens, swept
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, enlarged, enlarged_frames, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import write_channel
@@ -115,7 +115,7 @@ def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[s
 OPENING = Opening((Reason.POSITION,), settings={"environment": "none"})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The spread and the shift of an edge, with right and with wrong motion vectors."""
     weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in ALPHAS}
     cases = {name: (error, ALPHA) for name, (error, _) in CASES.items()}
@@ -132,40 +132,29 @@ def run(stage: Stage) -> Result:
         sheet.panel(place, 0, details[name], name, text)
     _plot(sheet, {name: images[name] for name in CASES}, spreads)
     right, left_in, sign, forgotten = CASES
-    source = "moments of bilinear weights and Halton offsets"
-    findings = (
-        Finding(spreads[left_in].sigma, "px", "is the spread of the edge with jitter in the motion vectors",
-                _near(theory[left_in].sigma, f"{source}; ± 3 %")),
-        Finding(spreads[right].sigma, "px", "is the spread with jitter removed",
-                _near(theory[right].sigma, "offsets and pixel rounding, 1/6 px^2; ± 3 %")),
-        Finding(spreads[sign].sigma, "px", "is the spread with jitter removed with the wrong sign",
-                _near(theory[sign].sigma, f"{source}; ± 3 %")),
-        Finding(spreads[forgotten].shift, "px", "is the shift with jitter removed from one frame only",
-                Expected.near(theory[forgotten].shift, 0.03, f"{source}; ± 0.03 px")),
-        Finding(spreads[right].shift, "px", "is the shift with jitter removed",
-                Expected.near(theory[right].shift, 0.03, "mean of the offsets, the last ones with the largest weight; "
-                              "± 0.03 px")),
-    )  # fmt: skip
-    caption = (
-        f"A sharp edge after {FRAMES} jittered frames of a still scene, {side[0]} x {side[1]} pixels, and its profile."
-    )
+    numbers = {
+        "left_in": (spreads[left_in].sigma, _near(theory[left_in].sigma)),
+        "removed": (spreads[right].sigma, _near(theory[right].sigma)),
+        "wrong_sign": (spreads[sign].sigma, _near(theory[sign].sigma)),
+        "shift_one_frame": (spreads[forgotten].shift, Expected.near(theory[forgotten].shift, 0.03)),
+        "shift_removed": (spreads[right].shift, Expected.near(theory[right].shift, 0.03)),
+    }
     colors = {name: rgb(color) for name, (_, color) in CASES.items()}
     names = dict(zip(ALPHAS, weights))
     parameter = swept(
-        "weight of the new frame", "", ALPHAS,
+        ALPHAS,
         lambda a: (details[names[a]], spreads[names[a]].sigma, theory[names[a]].sigma, 0.03 * theory[names[a]].sigma),
-        start=ALPHA, meaning="is the spread of the edge with jitter in the motion vectors", number_unit="px",
-        source=f"{source}; ± 3 %", note=f"The same {side[0]} x {side[1]} pixels, enlarged.",
-    )  # fmt: skip
+        start=ALPHA,
+    )
     pair = stage.pair(scene(), columns=("frustum", "color"), environment="none")
     text = f"After {FRAMES} frames with jitter in the motion vectors, enlarged."
-    screens = Screens(details[left_in], text, enlarged_frames(pair, *part))
-    return Result(findings, sheet, caption, parameter, colors, screens)
+    screens = Screens(details[left_in], enlarged_frames(pair, *part))
+    return Measured(numbers, sheet, parameter, colors, screens)
 
 
-def _near(value: float, source: str) -> Expected:
+def _near(value: float) -> Expected:
     """The range ``value`` ± 3 %."""
-    return Expected.near(value, 0.03 * value, source)
+    return Expected.near(value, 0.03 * value)
 
 
 def profile_image(image: Array) -> Array:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Screens, swept
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, as_bytes, enlarged, enlarged_frames, note, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.metrics.color import display_color
@@ -88,7 +88,7 @@ def raw_flicker(width: float) -> float:
 OPENING = Opening((Reason.POSITION,), settings={"environment": "none"})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The light and the flicker of a thin line in an upscaled image, with and without locks."""
     images = {width: upscaled(stage, width) for width in WIDTHS}
     light = {name: [light_left(images[width][name], width) for width in WIDTHS] for name in METHODS}
@@ -99,33 +99,25 @@ def run(stage: Stage) -> Result:
         axes = sheet.panel(place, 0, detail(images[WIDTH][name][-1]), f"{name}: a line {WIDTH:g} px wide")
         note(axes, f"{light[name][at]:.1f} % of the light, flicker {flicker(images[WIDTH][name]):.0f} %")
     _plot(sheet, light)
-    findings = (
-        Finding(light[bare][at], "%", "of the light of the line is left without locks",
-                Expected.between(0.0, 25.0, "only frames that sample it show it: at most p = width / 2 of all", 0), 1),
-        Finding(light[locked][at], "%", "of its light is left with locks",
-                Expected.between(50.0, 110.0, "the mean of the samples is the whole light; the first hit after a gap "
-                                 "is still rectified", 0), 1),
-        Finding(flicker(images[WIDTH][locked]), "%", "is the flicker with locks",
-                Expected.between(0.0, 0.1 * most, "a frame has a weight of 0.74 in about 12.74: a tenth of the flicker "
-                                 "of the samples, sqrt((1 - p) / p)", 0), 1),
-        Finding(flicker(images[WIDTH][bare]), "%", "is the flicker without locks",
-                Expected.between(0.5 * most, 1.5 * most, "that of the samples, sqrt((1 - p) / p); ± half", 0), 1),
-    )  # fmt: skip
+    numbers = {
+        "light_unlocked": (light[bare][at], Expected.between(0.0, 25.0, 0)),
+        "light_locked": (light[locked][at], Expected.between(50.0, 110.0, 0)),
+        "flicker_locked": (flicker(images[WIDTH][locked]), Expected.between(0.0, 0.1 * most, 0)),
+        "flicker_unlocked": (flicker(images[WIDTH][bare]), Expected.between(0.5 * most, 1.5 * most, 0)),
+    }
     lights = dict(zip(WIDTHS, light[bare]))
     parameter = swept(
-        "width of the line", "px", WIDTHS,
+        WIDTHS,
         lambda width: (detail(images[width][bare][-1]), lights[width], None if width < 2.0 else 100.0, 5.0),
-        start=WIDTH, meaning="of its light is left without locks", number_unit="%", digits=1,
-        source="a line that every frame samples keeps its light; ± 5 %", note="Without locks, after 96 frames.",
-    )  # fmt: skip
-    caption = "A thin line in a result of fsr2-class with and without locks, and its light against its width."
+        start=WIDTH,
+    )
     colors = {"with": rgb(BLACK), "without": rgb(RED)}
     # What the upscaler gets: half of the pixels along each side, at the exposure of the figure.
     size = {"width": OUTPUT[0] // 2, "height": OUTPUT[1] // 2}
     pair = stage.pair(scene(), columns=("frustum", "color"), environment="none", exposure=2.0, **size)
     frames = enlarged_frames(pair, OUTPUT[0] // 4 - 16, OUTPUT[1] // 4 - 9, 32, 18)
-    screens = Screens(parameter.picture(at), "The upscaled image without locks, after 96 frames, enlarged.", frames)
-    return Result(findings, sheet, caption, parameter, colors, screens)
+    screens = Screens(parameter.picture(at), frames)
+    return Measured(numbers, sheet, parameter, colors, screens)
 
 
 def detail(image: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, threshold_parameter
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, percent, threshold_parameter
 from taubench_gl.demos.sheet import BLACK, Sheet, as_bytes, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.demos.theory import share_deviation
@@ -64,7 +64,7 @@ OPENING = Opening(
 )
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The masks of a static room whose light is estimated from random samples."""
     still = scene()
     per_lamp = np.stack([direct_light(stage, scene((place,)), (0,), 0)[0] for place in LAMPS])
@@ -79,10 +79,7 @@ def run(stage: Stage) -> Result:
         sheet.panel(place, 0, shown, f"{samples} sample{'s' if samples > 1 else ''} per pixel")
         marked = overlay(pair.mask, shown, Reason.DIRECT)
         sheet.panel(place, 1, marked, "mask", f"{shares[samples]:.1f} % discarded")
-        screens = screens or Screens(
-            marked, "One lamp at random per pixel and frame. Yellow: direct light counted as change.",
-            (display_color(before, 1.0, "linear"), shown),
-        )  # fmt: skip
+        screens = screens or Screens(marked, (display_color(before, 1.0, "linear"), shown))
     exact = direct_light(stage, still, (0, 1), 0)
     none = percent(stage.bench.compare({"direct": exact[1]}, {"direct": exact[0]}).has(Reason.DIRECT))
     gaussian = _gaussian(stage)
@@ -90,16 +87,12 @@ def run(stage: Stage) -> Result:
     sheet.legend(reason_entries(Reason.DIRECT))
     one_sample = expected_one_sample(per_lamp)
     tail = 100.0 * theory.maxwell_tail(DEFAULT_THRESHOLD, math.sqrt(2.0) * SIGMA)
-    findings = (
-        Finding(shares[1], "%", "of a static image is discarded at one light sample per pixel",
-                Expected.near(one_sample, _slack(one_sample, stage), "all 16 pairs of lamps, 1/16 each; ± 5 sigma")),
-        Finding(gaussian, "%", "of a gray image is discarded for normal noise with sigma of half the threshold",
-                Expected.near(tail, _slack(tail, stage), "tail of the Maxwell distribution; ± 5 sigma")),
-        Finding(none, "%", "is discarded with light from all lamps",
-                Expected.near(0.0, 0.0, "nothing moves and nothing is random")),
-    )  # fmt: skip
-    caption = "A static room with random light samples: images, masks, and discard rate."
-    return Result(findings, sheet, caption, _threshold(stage, *first, per_lamp), screens=screens)
+    numbers = {
+        "one_sample": (shares[1], Expected.near(one_sample, _slack(one_sample, stage))),
+        "normal_noise": (gaussian, Expected.near(tail, _slack(tail, stage))),
+        "all_lamps": (none, Expected.near(0.0, 0.0)),
+    }
+    return Measured(numbers, sheet, _threshold(stage, *first, per_lamp), screens=screens)
 
 
 def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Parameter:
@@ -110,10 +103,13 @@ def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Para
     thresholds = np.geomspace(0.01, 2.0, 40)
     base = as_bytes(np.repeat(display_color(now, 1.0, "linear").mean(axis=-1, keepdims=True), 3, axis=-1))
     marked = threshold_parameter(
-        np.linalg.norm(now - before, axis=-1), thresholds, np.zeros(now.shape[:2]), base, rgb(Reason.DIRECT),
-        start=DEFAULT_THRESHOLD, name="threshold of direct light", unit="",
-        source="all 16 pairs of lamps, 1/16 each; ± 5 sigma", note="One sample per pixel. Yellow: counted as change.",
-    )  # fmt: skip
+        np.linalg.norm(now - before, axis=-1),
+        thresholds,
+        np.zeros(now.shape[:2]),
+        base,
+        rgb(Reason.DIRECT),
+        start=DEFAULT_THRESHOLD,
+    )
     shares = tuple(expected_one_sample(per_lamp, threshold) for threshold in marked.values)
     slacks = tuple(_slack(min(max(share, 0.1), 99.9), stage) for share in shares)
     return dataclasses.replace(marked, expected=shares, tolerance=slacks)

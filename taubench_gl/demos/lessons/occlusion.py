@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, swept
 from taubench_gl.demos.sheet import Sheet, arrow, overlay, reason_entries
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
 from taubench_gl.scene.model import Scene
@@ -35,7 +35,7 @@ def scene(moves: str = "camera", step: float = STEP) -> Scene:
 OPENING = Opening(SHOWN, settings={"reprojection": "motion"})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The masks of a moving camera and of a moving board, and the widths of the strips in them."""
     walked = stage.pair(scene("camera"), columns=COLUMNS)
     camera = stage.pair(scene("board"), columns=COLUMNS)
@@ -54,26 +54,16 @@ def run(stage: Stage) -> Result:
         image = overlay(pair.mask, pair.now["color"], *SHOWN)
         sheet.panel(place, 1, image, f"mask: {reprojection} reprojection", text)
     sheet.legend(reason_entries(*SHOWN))
-    counted = "; counted at pixel centers, ± 1 px"
-    edge = "; up to one pixel at its edge, where the nearest history pixel shows the wall"
-    by_motion = Expected.near(moved, 1.0, "motion f t / z_near" + counted)
-    findings = (
-        Finding(walked.row_width(Reason.DISOCCLUDED), "px", "is the strip that the moving camera disoccludes",
-                Expected.near(parallax, 1.0, "parallax f t (1 / z_near - 1 / z_far)" + counted), 0),
-        Finding(walked.row_width(Reason.OCCLUDING), "px", "are newly occluding with the moving camera",
-                Expected.between(0.0, 1.0, "covered surfaces are not in the image" + edge, 0), 0),
-        Finding(camera.row_width(Reason.DISOCCLUDED), "px", "is the strip that the moving board disoccludes",
-                by_motion, 0),
-        Finding(camera.row_width(Reason.OCCLUDING), "px", "are newly occluding without motion vectors", by_motion, 0),
-        Finding(motion.row_width(Reason.OCCLUDING), "px", "are newly occluding with motion vectors",
-                Expected.between(0.0, 1.0, "each point of the board finds its previous position" + edge, 0), 0),
-        Finding(motion.row_width(Reason.DISOCCLUDED), "px", "is the disoccluded strip with motion vectors",
-                by_motion, 0),
-    )  # fmt: skip
-    caption = (
-        "A board in front of a wall, in the current frame, and its mask. Arrows: how far the board moves in the image."
-    )
-    return Result(findings, sheet, caption, _distance(stage))
+    by_motion = Expected.near(moved, 1.0)
+    numbers = {
+        "camera_disoccluded": (walked.row_width(Reason.DISOCCLUDED), Expected.near(parallax, 1.0)),
+        "camera_occluding": (walked.row_width(Reason.OCCLUDING), Expected.between(0.0, 1.0, 0)),
+        "board_disoccluded": (camera.row_width(Reason.DISOCCLUDED), by_motion),
+        "board_occluding": (camera.row_width(Reason.OCCLUDING), by_motion),
+        "motion_occluding": (motion.row_width(Reason.OCCLUDING), Expected.between(0.0, 1.0, 0)),
+        "motion_disoccluded": (motion.row_width(Reason.DISOCCLUDED), by_motion),
+    }
+    return Measured(numbers, sheet, _distance(stage))
 
 
 def _distance(stage: Stage) -> Parameter:
@@ -84,8 +74,4 @@ def _distance(stage: Stage) -> Parameter:
         parallax = focal_px(YFOV, stage.size[1]) * step * (1 / NEAR - 1 / FAR)
         return overlay(pair.mask, pair.now["color"], *SHOWN), pair.row_width(Reason.DISOCCLUDED), parallax, 1.0
 
-    return swept(
-        "motion of the camera", "m", STEPS, at, start=STEP, meaning="is the strip that appears", number_unit="px",
-        source="parallax f t (1 / z_near - 1 / z_far); counted at pixel centers", digits=0,
-        note="Light blue: disoccluded.",
-    )  # fmt: skip
+    return swept(STEPS, at, start=STEP)

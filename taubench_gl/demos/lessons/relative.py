@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.demo import ColorBar, Expected, Measured, Opening, Parameter, Screens, swept
 from taubench_gl.demos.sheet import BLUE, RED, Sheet, enlarged, frame_of, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import turn_y
@@ -82,7 +82,7 @@ def expected_motion_error(pair: PairImages, step: float) -> Array:
 OPENING = Opening((FRUSTUM,))
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The errors of float32 world positions a million meters from the origin, and of motion from them."""
     at_origin, far_away = (stage.bench.pair(scene(meters)) for meters in (0.0, FAR))
     image = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
@@ -96,23 +96,20 @@ def run(stage: Stage) -> Result:
     sheet = _figure(stage, image, far_away, shift, parameter)
     step = step_at(FAR)
     predicted = rms(expected_motion_error(far_away, step)[in_history])
-    findings = (
-        Finding(1000.0 * rms(shift[extends(far_away)]), "mm", "is the error (RMS) of a float32 world position per axis",
-                Expected.near(1000.0 * step / np.sqrt(12), 50.0 * step / np.sqrt(12),
-                              "uniform rounding to a spacing of 62.5 mm: spacing / sqrt(12); ± 5 %", 1), 1),
-        Finding(float(np.count_nonzero(ours) + np.count_nonzero(far_away.mask != at_origin.mask)), "pixels",
-                "differ in camera-relative motion or masks from the hall at the origin",
-                Expected.near(0.0, 0.0, "all keys are dyadic: every float64 difference is exact", 0), 0),
-        Finding(rms(false[in_history]), "px", "is the error (RMS) of motion from such positions",
-                Expected.near(predicted, 0.05 * predicted, "derivative of Eq. (3) times spacing / sqrt(12); ± 5 %")),
-    )  # fmt: skip
-    caption = (
-        "The hall at 1000 km: float32 world positions on a column and along a row of pixels, and the error of motion."
-    )
+    numbers = {
+        "stored_position": (
+            1000.0 * rms(shift[extends(far_away)]),
+            Expected.near(1000.0 * step / np.sqrt(12), 50.0 * step / np.sqrt(12), 1),
+        ),
+        "camera_relative": (
+            float(np.count_nonzero(ours) + np.count_nonzero(far_away.mask != at_origin.mask)),
+            Expected.near(0.0, 0.0, 0),
+        ),
+        "motion": (rms(false[in_history]), Expected.near(predicted, 0.05 * predicted)),
+    }
     most = np.sqrt(0.75) * step  # half a spacing along each axis
-    text = f"Error of the stored positions, from 0 (dark) to {1000.0 * most:.0f} mm (bright)."
-    screens = Screens(heat(np.linalg.norm(shift, axis=-1), most), text)
-    return Result(findings, sheet, caption, parameter, {"stored": rgb(RED), "exact": rgb(BLUE)}, screens)
+    screens = Screens(heat(np.linalg.norm(shift, axis=-1), most))
+    return Measured(numbers, sheet, parameter, {"stored": rgb(RED), "exact": rgb(BLUE)}, screens)
 
 
 def previous_px(pair: PairImages, position: Array) -> Array:
@@ -189,8 +186,8 @@ def _distance(pair: PairImages) -> Parameter:
         return image, rms(error[in_history]), predicted, 0.1 * predicted
 
     return swept(
-        "distance from the origin", "m", (1e2, 1e3, 1e4, 1e5, 1e6, 3e6), at, start=FAR, number_unit="px", digits=4,
-        meaning="is the error (RMS) of motion from stored positions",
-        source="derivative of Eq. (3) times spacing / sqrt(12); ± 10 %",
+        (1e2, 1e3, 1e4, 1e5, 1e6, 3e6),
+        at,
+        start=FAR,
         bar=ColorBar("Error of motion, px", tuple((i / 6, f"{10.0 ** (i - 4):g}") for i in range(0, 7, 2))),
-    )  # fmt: skip
+    )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, swept
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, rgb, scaled_to
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.demos.theory import share_deviation
@@ -119,28 +119,23 @@ OPENING = Opening(
 )
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """Which lamp reservoirs hold, and the light of the image, some frames after a second lamp was switched on."""
     memories, images = run_limits(stage)
     memory, (share, light) = memories[LIMIT], remembered(LIMIT, AGE)
-    source = f"moving average: e = (1 - ({LIMIT}/{LIMIT + 1})^{AGE}) / 2"
-    findings = (
-        Finding(100 * memory.shares[-1], "%", f"of the pixels hold the new lamp in the {AGE}th frame with it",
-                Expected.near(100 * share, tolerance(share), f"{source}, share e / (e + 1/2); ± {SIGMAS:g} sigma")),
-        Finding(100 * memory.light, "%", "of the light is in the image then (biased combination)",
-                Expected.near(100 * light, 0.1, f"{source}, light e + 1/2; ± 0.1 for float32")),
-        Finding(100 * memory.wrong, "%", "of the kept history holds a lamp that is off, one frame after it went out",
-                Expected.near(100 * share, tolerance(share), "the share that held it before")),
-    )  # fmt: skip
+    numbers = {
+        "pixels": (100 * memory.shares[-1], Expected.near(100 * share, tolerance(share))),
+        "light": (100 * memory.light, Expected.near(100 * light, 0.1)),
+        "wrong_history": (100 * memory.wrong, Expected.near(100 * share, tolerance(share))),
+    }
     sheet = Sheet(len(LIMITS), 1, SIZE[0] / SIZE[1], below=370)
     for place, (limit, one) in enumerate(memories.items()):
         sheet.panel(place, 0, lamps_held(one.held), f"limit {limit}", f"{100 * one.shares[-1]:.1f} %")
     _plot(sheet, memories)
     sheet.legend([("holds the first lamp", rgb(BLACK)), ("holds the new lamp", rgb(RED))])
-    caption = f"A wall {AGE} frames after a second lamp was switched on: which lamp the reservoirs hold, by the limit."
     frames = tuple(enlarged(display_color(image.astype(np.float64), 1.0, "linear")) for image in images)
-    screens = Screens(lamps_held(memory.held), "Red: pixels that hold the new lamp.", frames)
-    return Result(findings, sheet, caption, _limit(memories), screens=screens)
+    screens = Screens(lamps_held(memory.held), frames)
+    return Measured(numbers, sheet, _limit(memories), screens=screens)
 
 
 def enlarged(image: Array) -> Array:
@@ -160,11 +155,7 @@ def _limit(memories: Mapping[int, Memory]) -> Parameter:
         memory, expected = memories[int(limit)], remembered(int(limit), AGE)[0]
         return lamps_held(memory.held), 100 * memory.shares[-1], 100 * expected, tolerance(expected)
 
-    return swept(
-        "limit, times the samples of a frame", "", LIMITS, at, start=LIMIT, meaning="of the pixels hold the new lamp",
-        number_unit="%", source=f"moving average over {AGE} frames; ± {SIGMAS:g} sigma",
-        note="Red: pixels that hold the new lamp.",
-    )  # fmt: skip
+    return swept(LIMITS, at, start=LIMIT)
 
 
 def _plot(sheet: Sheet, memories: Mapping[int, Memory]) -> None:

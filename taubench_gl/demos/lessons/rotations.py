@@ -7,7 +7,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, percent, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, percent, swept
 from taubench_gl.demos.lessons.behind import reprojected
 from taubench_gl.demos.sheet import CHECKER, Sheet, checkerboard
 from taubench_gl.demos.stage import Props, Stage, hall
@@ -32,24 +32,21 @@ def scene(axis: str = "yaw", degrees: float = DEGREES) -> Scene:
 OPENING = Opening((FRUSTUM,))
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The hall after a rotation about each axis, and the share of each image without history."""
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
-    source = "area of the polygon that both cameras see, float64; ± half of the pixels on its edge"
-    findings = {}
+    numbers = {}
     for place, (axis, (direction, vector)) in enumerate(TURNS.items(), start=1):
         pair = stage.pair(scene(axis), columns=("frustum", "color"))
         lost, rotation = pair.percent(FRUSTUM), math3d.mat3_from_quat(turn(vector, DEGREES))
         image = checkerboard(pair.now["color"], pair.has(FRUSTUM), stage.cell)
         sheet.panel(place % 2, place // 2, image, f"{axis}, 25° {direction}", f"{lost:.1f} % without history")
-        expected = Expected.near(*theory.frustum_share(rotation, YFOV, stage.size), source)
-        findings[axis] = Finding(lost, "%", f"of the pixels have no history after {axis}", expected)
+        numbers[axis] = lost, Expected.near(*theory.frustum_share(rotation, YFOV, stage.size))
     before = pair.before["color"][..., :3]
     sheet.panel(0, 0, before, "previous frame")
     sheet.legend([("checkerboard: outside the previous image", CHECKER)])
-    caption = "The hall before and after rotations by 25 degrees about three axes, as in the paper's figure 1."
-    ordered = findings["yaw"], findings["pitch"], findings["roll"]
-    return Result(ordered, sheet, caption, _angle(stage, before))
+    numbers = {axis: numbers[axis] for axis in ("yaw", "pitch", "roll")}
+    return Measured(numbers, sheet, _angle(stage, before))
 
 
 def _angle(stage: Stage, before: np.ndarray) -> Parameter:
@@ -64,8 +61,4 @@ def _angle(stage: Stage, before: np.ndarray) -> Parameter:
         rotation = math3d.mat3_from_quat(turn((0, 1, 0), angle))
         return image, percent(gone), *theory.frustum_share(rotation, YFOV, stage.size)
 
-    return swept(
-        "angle of yaw", "°", ANGLES, at, start=DEGREES, meaning="of the pixels have no history", number_unit="%",
-        source="area of the polygon that both cameras see; ± half of the pixels on its edge",
-        note="The previous image, reprojected; checkerboard: no history.",
-    )  # fmt: skip
+    return swept(ANGLES, at, start=DEGREES)

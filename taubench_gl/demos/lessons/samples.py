@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, percent, swept
 from taubench_gl.demos.sheet import RED, Sheet, as_bytes, overlay, reason_entries, scaled_to
 from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.demos.theory import normal_change
@@ -50,7 +50,7 @@ def noise(images: Array) -> float:
 OPENING = Opening((Reason.DIRECT,), settings={**PATHS, "spp": 1})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The noise of means of path-traced frames, and what a threshold discards of them."""
     frames = light(stage, 1, FRAMES)
     noises = {count: noise(means(frames, count)) for count in COUNTS}
@@ -68,17 +68,13 @@ def run(stage: Stage) -> Result:
     sheet.legend(reason_entries(Reason.DIRECT))
     slope = float(np.polyfit(np.log(COUNTS), np.log(list(noises.values())), 1)[0])
     share = normal_change(DEFAULT_THRESHOLD, sigma, 16)
-    findings = (
-        Finding(noises[64] / noises[4], "", "of the noise of 4 frames is left with 64",
-                Expected.near(0.25, 0.02, "N^(-1/2): sqrt(4 / 64)", 3), 3),
-        Finding(slope, "", "is the slope of the noise in logarithmic scales",
-                Expected.near(-0.5, 0.03, "variance of a mean of N independent numbers", 3), 3),
-        Finding(rejected[16], "%", "of a static image is discarded with 16 frames",
-                Expected.near(share, 0.1 * share + 0.5, "normal distribution of the noise; ± 10 % and 0.5 pp")),
-    )  # fmt: skip
-    caption = "A static room in path-traced light: masks of the mean of 1 and of 64 frames, noise, and discard rate."
-    screens = Screens(mean_image(pairs[64][1]), "The mean of 64 frames.", tuple(map(mean_image, pairs[4])))
-    return Result(findings, sheet, caption, _count(pairs, noises), screens=screens)
+    numbers = {
+        "noise": (noises[64] / noises[4], Expected.near(0.25, 0.02, 3)),
+        "slope": (slope, Expected.near(-0.5, 0.03, 3)),
+        "discarded": (rejected[16], Expected.near(share, 0.1 * share + 0.5)),
+    }
+    screens = Screens(mean_image(pairs[64][1]), tuple(map(mean_image, pairs[4])))
+    return Measured(numbers, sheet, _count(pairs, noises), screens=screens)
 
 
 def mean_image(light: Array) -> Array:
@@ -93,10 +89,7 @@ def _count(pairs: dict[int, Array], noises: dict[int, float]) -> Parameter:
         law = noises[1] / math.sqrt(count)
         return mean_image(pairs[int(count)][1]), noises[int(count)], law, 0.08 * law
 
-    return swept(
-        "frames in the mean", "", COUNTS, at, start=1, meaning="is the noise of direct light (RMS)", number_unit="",
-        source="noise of one frame times N^(-1/2); ± 8 %", digits=4, note="Direct light.",
-    )  # fmt: skip
+    return swept(COUNTS, at, start=1)
 
 
 def _plots(

@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, swept
 from taubench_gl.demos.sheet import BLUE, RED, Sheet, enlarged, enlarged_frames, painted, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage, focal_px
 from taubench_gl.metrics.masks import pair_masks
@@ -65,7 +65,7 @@ def distance(pair: PairImages, sampling: str) -> Array:
 OPENING = Opening((Reason.POSITION,), settings={"sampling": "bilinear"})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The discards of nearest and of bilinear sampling, and the distance of the history sample on the side wall."""
     pairs = {s: stage.bench.pair(scene(), camera=camera(), sampling=s) for s in ("nearest", "bilinear")}
     frames = stage.pair(scene(), columns=("frustum", "color"))
@@ -80,23 +80,21 @@ def run(stage: Stage) -> Result:
         sheet.panel(place, 0, details[sampling], title, f"{per_row(pair):.2f} px discarded per edge; correct: 0")
     _plot(sheet, pairs, height // 2)
     sheet.legend(reason_entries(Reason.POSITION))
-    where = "an edge crosses a row at a uniformly distributed position between two pixel centers"
     wall = side_wall(pairs["nearest"])
     predicted = 100.0 * float(np.median(sample_distance(stage.size)[wall]))
-    findings = (
-        Finding(per_row(pairs["bilinear"]), "px", "per edge are discarded with bilinear sampling",
-                Expected.near(1.0, 2.0 / height + 0.02, f"{where}, always between two of the four pixels")),
-        Finding(per_row(pairs["nearest"]), "px", "per edge are discarded with nearest sampling",
-                Expected.near(JITTER, 4.0 * theory.share_deviation(JITTER, 2.0 * height),
-                              f"{where}: in {JITTER} of all rows between point and nearest pixel")),
-        Finding(100.0 * float(np.median(distance(pairs["nearest"], "nearest")[wall])), "cm",
-                "is the distance of the nearest history sample on the side wall (median)",
-                Expected.near(predicted, 0.02 * predicted, f"two rays {JITTER} pixels apart against the wall; ± 2 %")),
-    )  # fmt: skip
-    caption = f"A static scene with samples {JITTER} pixels apart in the two frames. Every discard is a sampling error."
-    text = "An edge of the board, enlarged. Blue: discarded with bilinear sampling."
-    screens = Screens(details["bilinear"], text, enlarged_frames(frames, *part))
-    return Result(findings, sheet, caption, _jitter(stage, color, part), screens=screens)
+    numbers = {
+        "bilinear": (per_row(pairs["bilinear"]), Expected.near(1.0, 2.0 / height + 0.02)),
+        "nearest": (
+            per_row(pairs["nearest"]),
+            Expected.near(JITTER, 4.0 * theory.share_deviation(JITTER, 2.0 * height)),
+        ),
+        "side_wall": (
+            100.0 * float(np.median(distance(pairs["nearest"], "nearest")[wall])),
+            Expected.near(predicted, 0.02 * predicted),
+        ),
+    }
+    screens = Screens(details["bilinear"], enlarged_frames(frames, *part))
+    return Measured(numbers, sheet, _jitter(stage, color, part), screens=screens)
 
 
 def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
@@ -129,12 +127,7 @@ def _jitter(stage: Stage, color: Array, part: tuple[int, int, int, int]) -> Para
             4.0 * theory.share_deviation(jitter, 2.0 * height),
         )
 
-    return swept(
-        "offset of the sample", "px", JITTERS, at, start=JITTER, number_unit="px",
-        meaning="are discarded per edge with nearest sampling",
-        source="the share of rows in which the edge is between point and nearest pixel; ± 4 sigma",
-        note="An edge of the board. Blue: discarded by position.",
-    )  # fmt: skip
+    return swept(JITTERS, at, start=JITTER)
 
 
 def discarded(color: Array, pair: PairImages) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Result, threshold_parameter
+from taubench_gl.demos.demo import Expected, Measured, Opening, threshold_parameter
 from taubench_gl.demos.sheet import BLACK, Sheet, gray_image, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, LEAF, SAND, Props, Stage
 from taubench_gl.report.palette import hex_of
@@ -19,7 +19,7 @@ YFOV = np.radians(45.0)
 WALL, KEYS = -6.0, -4.8
 STEPS_CM = (1, 2, 4, 8, 16, 32, 64, 128)
 HALF = 0.36
-SHOWN = (0.03, DEFAULT_THRESHOLD, 0.5)
+SHOWN = {"cm_3": 0.03, "paper": DEFAULT_THRESHOLD, "cm_50": 0.5}
 
 
 def places() -> Array:
@@ -59,10 +59,10 @@ def distances(size: Size) -> Array:
 OPENING = Opening((Reason.POSITION,), settings={"shadow_lights": 0})
 
 
-def run(stage: Stage) -> Result:
+def run(stage: Stage) -> Measured:
     """The masks of three thresholds, and the curve of all."""
     results, masks = {}, {}
-    for threshold in SHOWN:
+    for threshold in SHOWN.values():
         results[threshold], pairs = stage.evaluate(
             scene(), columns=("frustum", "position", "color"), thresholds={"position": threshold}, shadow_lights=0,
         )  # fmt: skip
@@ -71,7 +71,7 @@ def run(stage: Stage) -> Result:
     edges, percent = discard_curve(summary["curves"]["position"], stage.pixels)
     expected = distances(stage.size)
     sheet = Sheet(3, 1, stage.size[0] / stage.size[1], below=356)
-    for place, threshold in enumerate(SHOWN):
+    for place, threshold in enumerate(SHOWN.values()):
         pair = masks[threshold]
         marked = overlay(pair.mask, pair.now["color"], Reason.POSITION)
         axes = sheet.panel(place, 0, marked, f"threshold {100 * threshold:.3g} cm" + _whose(threshold))
@@ -79,28 +79,20 @@ def run(stage: Stage) -> Result:
         _name_keys(axes, stage.size)
     _staircase(sheet, edges, percent, expected, masks)
     sheet.legend([*reason_entries(Reason.POSITION)])
-    findings = [
-        Finding(masks[t].percent(Reason.POSITION), "%", f"of the pixels are discarded at {100 * t:.3g} cm" + _whose(t),
-                Expected.share(expected > t, "ray-square intersection, float64; ± half of the pixels on the edges"))
-        for t in sorted(SHOWN, key=lambda t: t != DEFAULT_THRESHOLD)
-    ]  # fmt: skip
+    numbers = {}
+    for name in ("paper", "cm_3", "cm_50"):
+        numbers[name] = masks[SHOWN[name]].percent(Reason.POSITION), Expected.share(expected > SHOWN[name])
     # At a bin edge the curve and a mask with that threshold count the same pixels.
     at = int(np.argmin(np.abs(edges - 0.25)))
     exact = stage.pair(scene(), columns=("frustum", "position"), thresholds={"position": _just_below(edges[at])})
-    findings.append(
-        Finding(float(abs(round(percent[at] / 100 * stage.pixels) - int(exact.has(Reason.POSITION).sum()))), "pixels",
-                "is the difference between the curve and a run with a threshold of 25 cm",
-                Expected.near(0.0, 0.0, "bin edges are exact float32 values: nothing is interpolated", 0), 0)
-    )  # fmt: skip
-    caption = "Three thresholds and their curve. The number on each key is its motion in cm."
+    off = abs(round(percent[at] / 100 * stage.pixels) - int(exact.has(Reason.POSITION).sum()))
+    numbers["curve"] = float(off), Expected.near(0.0, 0.0, 0)
     pair = masks[DEFAULT_THRESHOLD]
     moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
     parameter = threshold_parameter(
-        moved, np.geomspace(0.005, 2.0, 53), expected, gray_image(pair), rgb(Reason.POSITION), start=DEFAULT_THRESHOLD,
-        name="position threshold", unit="m", source="ray-square intersection; ± half of the pixels on the edges",
-        note="Blue: discarded by position.",
-    )  # fmt: skip
-    return Result(tuple(findings), sheet, caption, parameter)
+        moved, np.geomspace(0.005, 2.0, 53), expected, gray_image(pair), rgb(Reason.POSITION), start=DEFAULT_THRESHOLD
+    )
+    return Measured(numbers, sheet, parameter)
 
 
 def _just_below(value: float) -> float:

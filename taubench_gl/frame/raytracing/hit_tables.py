@@ -113,9 +113,12 @@ class WordTable:
         return first
 
     def image(self) -> Array:
-        """(rows, 2^ROW_BITS, 4) uint32, the last row padded."""
+        """(rows, 2^ROW_BITS, 4) uint32, the last row padded.  Takes the parts, so that they are not held twice."""
         out = np.zeros((*table_size(self.count)[::-1], 4), np.uint32)  # (rows, columns) of a (width, height)
-        np.concatenate([np.zeros((0, 4), np.uint32), *self._parts], out=out.reshape(-1, 4)[: self.count])
+        rest = out.reshape(-1, 4)
+        while self._parts:
+            part = self._parts.pop(0)
+            rest[: len(part)], rest = part, rest[len(part) :]
         return out
 
 
@@ -165,7 +168,8 @@ def material_texels(
     """Rows (M, ``options.material_texels``, 4) uint32 and the slots of each material that are in the atlas."""
     rows = np.zeros((len(materials), options.material_texels, 4), np.float32)
     words = rows.view(np.uint32)
-    used = [hit_slots(m, options) for m in materials]
+    # The atlas has no image of a material that nothing drawn has.
+    used = [tuple(s for s in hit_slots(m, options) if texture_of(m, s).image in atlas.places) for m in materials]
     for i, (m, slots) in enumerate(zip(materials, used, strict=True)):
         rows[i, 0] = m.base_color
         rows[i, 1, :3] = hit_emission(m, options)

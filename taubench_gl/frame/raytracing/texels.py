@@ -84,9 +84,9 @@ def last_words(tree: Tree, first_triangle: int) -> Array:
     """Word w of every node.  (N,) uint32."""
     from taubench_gl.frame.raytracing.bvh import skips
 
-    after_first = (np.maximum(tree.count, 1) - 1).astype(np.int64)
-    leaf = LEAF_BIT | after_first << LEAF_COUNT_SHIFT | (first_triangle + tree.first)
-    return np.where(tree.count > 0, leaf, skips(tree)).astype(np.uint32)
+    leaf = (np.maximum(tree.count, 1) - 1).astype(np.uint32) << LEAF_COUNT_SHIFT
+    leaf |= LEAF_BIT | (first_triangle + tree.first).astype(np.uint32)
+    return np.where(tree.count > 0, leaf, skips(tree).view(np.uint32))
 
 
 def node_texels(tree: Tree, first_triangle: int) -> Array:

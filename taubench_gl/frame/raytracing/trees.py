@@ -145,10 +145,12 @@ class StoredTrees:
         parts.clear()  # the caller has the list
         tree = build_over(corners)
         first = self._nodes.add(texels.node_texels(tree, self._triangles.count // texels.TRIANGLE_TEXELS))
+        nodes, order = len(tree), tree.order
+        del tree  # larger than what is left of it
         for at in range(0, len(corners), AT_ONCE):
-            o = tree.order[at : at + AT_ONCE]
+            o = order[at : at + AT_ONCE]
             self._triangles.add(texels.triangle_texels(corners[o], number[o], draw[o], flags[o]))
-        return PlacedTree(first, len(tree), low, high, grid)
+        return PlacedTree(first, nodes, low, high, grid)
 
     def release(self) -> None:
         for texture in self.textures.values():

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from taubench_gl.errors import SceneError
+from taubench_gl.memory_budget import require
 from taubench_gl.scene.files import ImageSource, check_image, decode_image, open_image, shortened
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import Accessors
@@ -17,7 +18,7 @@ from taubench_gl.scene.gltf.document import Document, OverMemory, is_data_uri, r
 from taubench_gl.scene.gltf.ktx2 import decode_ktx2, is_ktx2, ktx2_size
 from taubench_gl.scene.gltf.specular_glossiness import NAME as GLOSSINESS
 from taubench_gl.scene.gltf.specular_glossiness import SpecularGlossiness
-from taubench_gl.scene.memory import TEXEL_BYTES
+from taubench_gl.scene.memory import DECODING_BYTES
 from taubench_gl.scene.model import Image, Material, Sampler, Texture
 
 Array = np.ndarray
@@ -52,13 +53,13 @@ def read_image(document: Document, accessors: Accessors, index: int) -> Image:
     name = image.name or (source.stem if isinstance(source, Path) else "")
     if is_ktx2(source, error):
         size = ktx2_size(source, error)
-        document.reserve("images", size[0] * size[1] * TEXEL_BYTES, pointer)
+        require(size[0] * size[1] * DECODING_BYTES, "the image", OverMemory, where)
         if not document.strict:  # as below; transcoding is fast
             decode_ktx2(source, error)
         return Image(name, size, partial(decode_ktx2, source, error))
     with open_image(source, IMAGE_FORMATS, error) as opened:
         size = opened.size
-    document.reserve("images", size[0] * size[1] * TEXEL_BYTES, pointer)
+    require(size[0] * size[1] * DECODING_BYTES, "the image", OverMemory, where)  # ``within_memory`` has all of them
     if not document.strict:  # a truncated image becomes a flat color, instead of an error when it is decoded
         check_image(source, IMAGE_FORMATS, error)
     return Image(name, size, partial(decode_image, source, IMAGE_FORMATS, error))

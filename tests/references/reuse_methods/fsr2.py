@@ -167,7 +167,7 @@ def fsr2_motion_divergence(motion: Array, dilated: Mapping[str, Array], before: 
 
 
 def _around(values: Array) -> Iterator[Array]:
-    """Those of the 3x3 pixels around each pixel, rows from the bottom, the border repeated."""
+    """Yield ``values`` at the 3x3 pixels around each pixel, rows from the bottom, the border repeated."""
     own = pixels(values.shape[1::-1])
     for i in range(9):
         yield fetch(values, own + [i % 3 - 1, i // 3 - 1])

@@ -165,7 +165,7 @@ class Reblur:
     def blurred(
         self, f: Mapping[str, Array], pair: Reprojection, lights: list[Array], radii: list[Array], index: int, salt: int
     ) -> list[Array]:
-        """Both lobes over disks of radii in pixels, in the tangent plane; sky pixels are unchanged."""
+        """Light of both lobes, blurred over disks of ``radii`` pixels in the tangent plane; that of the sky stays."""
         h, w = self._surface.shape
         normal, position = f["normal"][..., :3], f["position"][..., :3]
         t, b = tangents(normal)
