@@ -10,7 +10,7 @@ import taubench_gl.capture.cube2.demo as cube2_demo
 import taubench_gl.capture.cube2.scene as cube2
 import taubench_gl.capture.quake3.demo as quake3_demo
 import taubench_gl.capture.quake3.scene as quake3
-from taubench_gl.capture.cube2 import textures
+from taubench_gl.capture.cube2 import world
 from taubench_gl.capture.quake3 import paks
 from taubench_gl.capture.recording import Recording
 from taubench_gl.data_files import read_bytes
@@ -32,7 +32,7 @@ class Game(NamedTuple):
 
 
 QUAKE3 = Game(quake3_demo.decode, quake3.as_recording, quake3.build_scene, paks.Paks, paks.DEBIAN_DATA)
-CUBE2 = Game(cube2_demo.decode, cube2.as_recording, cube2.build_scene, textures.Files, textures.DEBIAN_DATA)
+CUBE2 = Game(cube2_demo.decode, cube2.as_recording, cube2.build_scene, world.Files, world.DEBIAN_DATA)
 
 
 def read_recording(path: Path) -> tuple[Game, Any]:

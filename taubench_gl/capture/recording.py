@@ -76,7 +76,7 @@ class Window:
 class Choice:
     """What of a recording becomes a scene, and how.  ``start``, ``seconds``: from its first state.
 
-    Of Cube 2 only: ``player``: None is the one with the window of most rotation; ``unit``: of the file, cube or meters.
+    Of Cube 2 only: ``player``: its number; ``unit``: of the file, cube or meters.
     """
 
     start: float
@@ -110,7 +110,7 @@ def changes(values: Array) -> Array:
     return np.diff(values, prepend=values[:1]) != 0
 
 
-def sample_times(seconds: float, name: str) -> Array:
+def eye_times(seconds: float, name: str) -> Array:
     """(n,) times of ``Recording.eye``.  Raises SceneError for a recording ``name`` of more than MAX_SECONDS."""
     if seconds > MAX_SECONDS:
         raise SceneError(f"lasts {seconds:.0f} s", where=name, hint=f"at most {MAX_SECONDS:.0f} s are read")

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from taubench_gl.apps.named_scenes import resolve
-from taubench_gl.capture.cube2.faces import drawn_triangles
-from taubench_gl.capture.cube2.level import read_level
+from taubench_gl.capture.cube2.level import drawn_triangles, read_level
 from taubench_gl.capture.cube2.record import CLIENT
-from taubench_gl.capture.cube2.textures import DEBIAN_DATA, Files, read_textures, texture_coordinates
+from taubench_gl.capture.cube2.world import DEBIAN_DATA, Files, read_textures, texture_coordinates
 from taubench_gl.scene import load_scene
 
 SMALL = ["cb", "cb2", "colos", "cyber1", "md2", "silly", "tt"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from taubench_gl.capture.cube2.demo import Demo
-from taubench_gl.capture.cube2.textures import DEBIAN_DATA, INSTALL
+from taubench_gl.capture.cube2.world import DEBIAN_DATA, INSTALL
 from taubench_gl.capture.play import play, recorded
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import write_atomically

@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from taubench_gl.capture.cube2.demo import Demo
 from taubench_gl.capture.cube2.level import OLDEST_WHOLE, read_level
-from taubench_gl.capture.cube2.textures import Files
 from taubench_gl.capture.cube2.timeline import GRENADE, ROCKET, Shot, Timeline
-from taubench_gl.capture.cube2.world import add_lights, add_point, add_world
+from taubench_gl.capture.cube2.world import Files, add_lights, add_point, add_world
 from taubench_gl.capture.parts import Motion, SceneFile, view_rotations, y_up
-from taubench_gl.capture.recording import (
-    EXACT_RATE,
-    Choice,
-    Recording,
-    axes,
-    key_times,
-    rows_along,
-    sample_times,
-    windows,
-)
+from taubench_gl.capture.recording import EXACT_RATE, Choice, Recording, axes, eye_times, key_times, rows_along, windows
 from taubench_gl.math3d import mat3_from_quat, normalize
 from taubench_gl.metrics.activity import camera_activity
 from taubench_gl.scene.builder import box
@@ -59,7 +48,7 @@ _BODY = {
 def as_recording(demo: Demo, player: int | None = None, seconds: float = Choice.seconds) -> Recording:
     """The recording as one player saw it; None: the one with the window of most rotation.  Raises SceneError,
     SettingsError."""
-    grid, timeline = sample_times(demo.seconds, demo.name), Timeline(demo)
+    grid, timeline = eye_times(demo.seconds, demo.name), Timeline(demo)
     shots = timeline.shots
     times = {
         "shots": [shot.time for shot in shots],
@@ -85,8 +74,6 @@ def as_recording(demo: Demo, player: int | None = None, seconds: float = Choice.
 def build_scene(demo: Demo, files: Files, choice: Choice, path: Path) -> SceneFile:
     """Write the scene to ``path`` (.glb).  Raises SceneError for damaged files, SettingsError for an empty part."""
     times = key_times(choice, demo.seconds, demo.name)
-    if choice.player is None:
-        choice = replace(choice, player=as_recording(demo, None, choice.seconds).player)
     timeline, now = Timeline(demo), choice.start + times
     eye = timeline.eye(choice.player, now)
     file = SceneFile(times, UNITS[choice.unit], LICENSE)
