@@ -158,7 +158,7 @@ def _read_slots(r: Reader, count: int) -> list[tuple[int, dict[str, Any]]]:
             out += [(-1, {})] * min(-changed, count)
             count += changed
             continue
-        previous, changes = r.get("i"), {}
+        previous, changes = r.get("i"), {"shader": changed & 1}
         if changed >> 8:
             raise r.bad(f"has a texture slot of unknown kind {changed}")
         for _ in range(r.get("H") if changed & 1 else 0):
