@@ -21,7 +21,7 @@ MAX_BYTES = 256 << 20
 
 Game = namedtuple("Game", "decode as_recording build_scene files folder")
 """How a game is read.  ``decode``: (bytes, name) -> recording; ``as_recording``: (recording, player, seconds) ->
-``Recording``; ``build_scene``: (recording, files, choice, path); ``files``: folder of its data, ``folder``: Debian's."""
+``Recording``; ``build_scene``: (recording, files, choice, path); ``files``: data of a folder, ``folder``: Debian's."""
 QUAKE3 = Game(quake3_demo.decode, quake3.as_recording, quake3.build_scene, paks.Paks, paks.DEBIAN_DATA)
 CUBE2 = Game(cube2_demo.decode, cube2.as_recording, cube2.build_scene, world.Files, world.DEBIAN_DATA)
 
