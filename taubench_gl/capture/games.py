@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import namedtuple
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import taubench_gl.capture.cube2.demo as cube2_demo
 import taubench_gl.capture.cube2.scene as cube2
@@ -12,7 +12,6 @@ import taubench_gl.capture.quake3.demo as quake3_demo
 import taubench_gl.capture.quake3.scene as quake3
 from taubench_gl.capture.cube2 import world
 from taubench_gl.capture.quake3 import paks
-from taubench_gl.capture.recording import Recording
 from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import SceneError
 
@@ -20,17 +19,9 @@ MAX_BYTES = 256 << 20
 """Size limit of a recording."""
 
 
-class Game(NamedTuple):
-    """How a game is read.  ``decode``: (bytes, name) -> recording; ``as_recording``: (recording, player, seconds);
-    ``build_scene``: (recording, files, choice, path); ``files``: folder of the game's data, by default ``folder``."""
-
-    decode: Callable[[bytes, str], Any]
-    as_recording: Callable[[Any, int | None, float], Recording]
-    build_scene: Callable[..., Any]
-    files: Callable[[Path], Any]
-    folder: Path
-
-
+Game = namedtuple("Game", "decode as_recording build_scene files folder")
+"""How a game is read.  ``decode``: (bytes, name) -> recording; ``as_recording``: (recording, player, seconds) ->
+``Recording``; ``build_scene``: (recording, files, choice, path); ``files``: data of a folder, ``folder``: Debian's."""
 QUAKE3 = Game(quake3_demo.decode, quake3.as_recording, quake3.build_scene, paks.Paks, paks.DEBIAN_DATA)
 CUBE2 = Game(cube2_demo.decode, cube2.as_recording, cube2.build_scene, world.Files, world.DEBIAN_DATA)
 

@@ -21,8 +21,8 @@ Array = np.ndarray
 
 LIGHT, MODEL, SPOTLIGHT = 1, 2, 7
 """Kinds of entities."""
-OLDEST, OLDEST_WHOLE, CURRENT = 20, 29, 33
-"""Versions: the first that is read, the first that is read whole, and the engine's."""
+OLDEST, CURRENT = 20, 33
+"""Versions that are read; before 29, a face or two of a map may differ from the engine's."""
 _CHANGES = (("scale", "f"), ("rotation", "i"), ("offset", "2i"), ("scroll", "2f"), ("layer", "i"), ("alpha", "2f"),
             ("color", "3f"))  # fmt: skip
 
@@ -158,7 +158,7 @@ def _read_slots(r: Reader, count: int) -> list[tuple[int, dict[str, Any]]]:
             out += [(-1, {})] * min(-changed, count)
             count += changed
             continue
-        previous, changes = r.get("i"), {}
+        previous, changes = r.get("i"), {"shader": changed & 1}
         if changed >> 8:
             raise r.bad(f"has a texture slot of unknown kind {changed}")
         for _ in range(r.get("H") if changed & 1 else 0):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.capture.cube2.demo import Demo
-from taubench_gl.capture.cube2.level import OLDEST_WHOLE, read_level
+from taubench_gl.capture.cube2.level import read_level
 from taubench_gl.capture.cube2.timeline import GRENADE, ROCKET, Shot, Timeline
 from taubench_gl.capture.cube2.world import Files, add_lights, add_point, add_world
 from taubench_gl.capture.parts import Motion, SceneFile, view_rotations, y_up
@@ -88,8 +88,7 @@ def build_scene(demo: Demo, files: Files, choice: Choice, path: Path) -> SceneFi
     _add_players(file, timeline, now, choice.player)
     _add_shots(file, timeline, now, choice.lights)
     name = f"{demo.map_name} player {choice.player} {choice.start:g} to {choice.start + choice.seconds:g} s"
-    old = f"; map version {level.version}: a few faces may be missing" if level.version < OLDEST_WHOLE else ""
-    file.save(path, name, _note(choice, timeline) + old)
+    file.save(path, name, f"{_note(choice, timeline)}; map of version {level.version}, whole from 29 on")
     return file
 
 
