@@ -76,8 +76,11 @@ def run(
 
     reader, demo = read_recording(game)
     files = reader.files(data or reader.folder)
-    recording = reader.as_recording(demo, _player(player), seconds)
-    first = best_window(recording, seconds).start if start == BEST else _second(start)
+    recording, first = (
+        reader.as_recording(demo, _number(player, int, "player"), seconds),
+        _number(start, float, "start"),
+    )
+    first = best_window(recording, seconds).start if first is None else first
     choice = Choice(first, seconds, fps, view_weapon, roll, lights == "game", recording.player, unit)
     file = reader.build_scene(demo, files, choice, out)
     show_notes(recording.notes)
@@ -89,17 +92,13 @@ def run(
     click.echo(f"Tables 1 to 4: taubench-gl evaluate {out} --fps {fps:g}")
 
 
-def _second(text: str) -> float:
+def _number(text: str, kind: type, setting: str) -> Any:
+    """None for the best."""
     try:
-        return float(text)
+        return None if text == BEST else kind(text)
     except ValueError:
-        raise SettingsError(f"start is {text!r:.60}", hint="give seconds from the first snapshot, or best") from None
-
-
-def _player(text: str) -> int | None:
-    if text != BEST and not (text.isdecimal() and len(text) < 6):
-        raise SettingsError(f"player is {text!r:.60}", hint="give a number that capture info lists, or best")
-    return None if text == BEST else int(text)
+        hint = "give a number, or best: 'capture info' lists them"
+        raise SettingsError(f"is {text!r:.60}", setting=setting, hint=hint) from None
 
 
 @command()
@@ -124,7 +123,7 @@ def info(
     from taubench_gl.capture.recording import RULE, STEP, stretches, windows
 
     reader, demo = read_recording(game)
-    recording = reader.as_recording(demo, _player(player), seconds)
+    recording = reader.as_recording(demo, _number(player, int, "player"), seconds)
     ranked = sorted(windows(recording, seconds), key=lambda window: (not window.alive, -window.rotation))
     alive = stretches(recording.eye.times, recording.eye.alive)
     facts = {
@@ -179,16 +178,15 @@ def record(
     cube2-data); no screen and no GPU.  Two recordings differ: the file, not the command, is the source of a scene.
     """
     if out.suffix == ".dmo":
-        from taubench_gl.capture.cube2 import record as cube2
-
-        demo = cube2.record(map_name, bots, seconds, out, limit=limit)
-        stored = f"{len(demo.rows)} places"
+        if rockets:
+            raise SettingsError("is for OpenArena", setting="rockets", hint="give OUT.dm_71")
+        from taubench_gl.capture.cube2.record import record as record_game
     else:
-        from taubench_gl.capture.quake3 import record as quake3
+        from taubench_gl.capture.quake3.record import record as record_game
 
-        demo = quake3.record(map_name, bots, seconds, out, rockets=rockets, limit=limit)
-        stored = f"{len(demo.snapshots)} snapshots"
-    click.echo(f"{out}: {demo.map_name}, {demo.seconds:.1f} s, {stored}")
+    options = {"rockets": True} if rockets else {}
+    demo = record_game(map_name, bots, seconds, out, limit=limit, **options)
+    click.echo(f"{out}: {demo.map_name}, {demo.seconds:.1f} s")
     note(f"its windows: taubench-gl capture info {out}")
 
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections import namedtuple
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.capture.cube2 import demo as cube2_demo
-from taubench_gl.capture.cube2 import scene as cube2_scene
-from taubench_gl.capture.cube2 import textures
-from taubench_gl.capture.quake3 import demo as quake3_demo
+import taubench_gl.capture.cube2.demo as cube2_demo
+import taubench_gl.capture.cube2.scene as cube2
+import taubench_gl.capture.quake3.demo as quake3_demo
+import taubench_gl.capture.quake3.scene as quake3
+from taubench_gl.capture.cube2 import world
 from taubench_gl.capture.quake3 import paks
-from taubench_gl.capture.quake3 import scene as quake3_scene
-from taubench_gl.capture.recording import Recording
 from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import SceneError
 
@@ -21,21 +19,11 @@ MAX_BYTES = 256 << 20
 """Size limit of a recording."""
 
 
-@dataclass(frozen=True)
-class Game:
-    """How a game is read.  ``decode``: (bytes, name) -> recording; ``as_recording``: (recording, player, seconds);
-    ``files``: folder of the game's data, by default ``folder``, -> files; ``build_scene``: (recording, files, choice,
-    path)."""
-
-    decode: Callable[[bytes, str], Any]
-    as_recording: Callable[[Any, int | None, float], Recording]
-    files: Callable[[Path], Any]
-    folder: Path
-    build_scene: Callable[..., Any]
-
-
-QUAKE3 = Game(quake3_demo.decode, quake3_scene.as_recording, paks.Paks, paks.DEBIAN_DATA, quake3_scene.build_scene)
-CUBE2 = Game(cube2_demo.decode, cube2_scene.as_recording, textures.Files, textures.DEBIAN_DATA, cube2_scene.build_scene)
+Game = namedtuple("Game", "decode as_recording build_scene files folder")
+"""How a game is read.  ``decode``: (bytes, name) -> recording; ``as_recording``: (recording, player, seconds) ->
+``Recording``; ``build_scene``: (recording, files, choice, path); ``files``: data of a folder, ``folder``: Debian's."""
+QUAKE3 = Game(quake3_demo.decode, quake3.as_recording, quake3.build_scene, paks.Paks, paks.DEBIAN_DATA)
+CUBE2 = Game(cube2_demo.decode, cube2.as_recording, cube2.build_scene, world.Files, world.DEBIAN_DATA)
 
 
 def read_recording(path: Path) -> tuple[Game, Any]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.capture.recording import rows_along
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.math3d import normalize, quat_from_mat3
@@ -151,10 +152,8 @@ class SceneFile:
     def sun(self, toward: Array, color: tuple, lux: float) -> None:
         """A directional light that shines from the direction ``toward``, (3,)."""
         light = {"type": "directional", "color": [float(c) for c in color], "intensity": float(lux), "name": "sun"}
-        up = [0.0, 0, 1] if abs(toward[2]) < 0.99 else [1.0, 0, 0]
-        left = normalize(np.cross(up, -toward))
-        axes = np.stack([-toward, left, np.cross(-toward, left)])[None]
-        self.writer.node("sun", rotation=view_rotations(axes)[0].tolist(), extensions=self.writer.light(**light))
+        turn = view_rotations(rows_along(-toward[None]))[0]
+        self.writer.node("sun", rotation=turn.tolist(), extensions=self.writer.light(**light))
 
     def _node(self, name: str, motion: Motion, quats: Array | None, properties: dict[str, Any]) -> int:
         places = y_up(motion.places) * self.unit

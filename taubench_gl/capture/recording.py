@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.math3d import normalize
 
 Array = np.ndarray
 
@@ -75,7 +76,7 @@ class Window:
 class Choice:
     """What of a recording becomes a scene, and how.  ``start``, ``seconds``: from its first state.
 
-    Of Cube 2 only: ``player``: None is the one with the window of most rotation; ``unit``: of the file, cube or meters.
+    Of Cube 2 only: ``player``: its number; ``unit``: of the file, cube or meters.
     """
 
     start: float
@@ -97,12 +98,19 @@ def axes(angles: Array) -> Array:
     return np.stack(rows, -1).reshape(*p.shape, 3, 3)
 
 
+def rows_along(forward: Array) -> Array:
+    """(n, 3) unit directions -> (n, 3, 3) rows forward, left, up, level where they are not upright."""
+    upright = np.abs(forward[:, 2:]) < 0.99
+    left = normalize(np.cross(np.where(upright, [0.0, 0, 1], [1.0, 0, 0]), forward))
+    return np.stack([forward, left, np.cross(forward, left)], 1)
+
+
 def changes(values: Array) -> Array:
     """(n,) bool: where a value differs from the one before; never the first."""
     return np.diff(values, prepend=values[:1]) != 0
 
 
-def sample_times(seconds: float, name: str) -> Array:
+def eye_times(seconds: float, name: str) -> Array:
     """(n,) times of ``Recording.eye``.  Raises SceneError for a recording ``name`` of more than MAX_SECONDS."""
     if seconds > MAX_SECONDS:
         raise SceneError(f"lasts {seconds:.0f} s", where=name, hint=f"at most {MAX_SECONDS:.0f} s are read")

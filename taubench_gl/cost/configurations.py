@@ -110,8 +110,8 @@ class Plan:
         seeds = [(self.baseline.lighting.seed + 1 + number) % 2**31 for number in range(RUNS)]
         return {
             TRUTH: tuple(Configuration(TRUTH, {"light_within": self.truth_within, "seed": seed}) for seed in seeds),
-            FIXED: tuple(Configuration(FIXED, {**traced, "spp": n}, float(n)) for n in SAMPLES),
             DECIDED: (*decided, Configuration(DECIDED, traced)),
+            FIXED: tuple(Configuration(FIXED, {**traced, "spp": n}, float(n)) for n in SAMPLES),
             PREVIEW: tuple(Configuration(PREVIEW, {"light": "preview", **changes}) for changes in previews),
         }
 

@@ -215,7 +215,9 @@ class CostStudy(Study):
         if configuration.effort:
             # Decided samples end where they have had as many as a run may have, in the round that is then under way.
             most = 1.0 + ROUND_SIZES.samples / samples if samples else math.inf
-            return self._seconds(record) * min(configuration.effort / last.effort, most)
+            compiled = configuration.programs == last.programs
+            taken = self._seconds(record) if compiled else self._spent(record)
+            return taken * min(configuration.effort / last.effort, most)
         # Now every pixel is decided.
         every = sequence.width * sequence.height * record["pairs"]
         return self._seconds(record) * (every / sampled if sampled else 1.0)

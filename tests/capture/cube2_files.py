@@ -183,7 +183,7 @@ CONFIG = """texturereset // the engine's defaults go
 texture 0 "sky.png"
 texture 0 "<dds>wall.png" 0 0 0 2
 texture n wall_n.png
-texture 0 floor.png 1 8 16 0.5
+texture 0 floor.png 1 8 16 .5
 texture water water.jpg
 texture n not_a_normal_map.png
 exec packages/base/none.cfg

@@ -11,7 +11,7 @@ from test_damaged_files import damaged
 
 from taubench_gl.capture.cube2.demo import decode
 from taubench_gl.capture.cube2.scene import as_recording, build_scene
-from taubench_gl.capture.cube2.textures import Files
+from taubench_gl.capture.cube2.world import Files
 from taubench_gl.capture.recording import Choice
 from taubench_gl.errors import TaubenchError
 from taubench_gl.scene import load_scene
@@ -52,7 +52,7 @@ def test_damaged_files(name, tmp_path, monkeypatch):
             if file == "game.dmo":
                 demo = decode(data, file)
                 as_recording(demo, None, 0.5)
-            build_scene(demo, Files(tmp_path), Choice(1.5, 0.5, 12.0), out)
+            build_scene(demo, Files(tmp_path), Choice(1.5, 0.5, 12.0, player=3), out)
         except TaubenchError as error:
             refused += 1
             assert "\n" not in str(error) and error.where

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from cube2_files import CONFIG, EMPTY, SOLID, cube, hall, map_bytes, slope, write_game
 
-from taubench_gl.capture.cube2.faces import drawn_triangles
-from taubench_gl.capture.cube2.level import read_level
-from taubench_gl.capture.cube2.octree import ALPHA, CORNERS
-from taubench_gl.capture.cube2.textures import Files, Texture, read_textures, texture_coordinates
+from taubench_gl.capture.cube2.level import ALPHA, CORNERS, drawn_triangles, read_level
+from taubench_gl.capture.cube2.world import Files, Texture, read_textures, texture_coordinates
 from taubench_gl.errors import SceneError
 
 VERSIONS = (29, 30, 31, 32, 33)
@@ -228,7 +226,7 @@ def test_every_version_has_the_same_cubes_and_entities(version):
 
 
 @pytest.mark.parametrize("version, stored, material", [(33, 0x400, 0x400), (33, 1, 1), (32, 4 << 5, 0x400), (31, 3, 3),
-                                                       (31, 4 << 5, 0x400), (24, 1, 1)])  # fmt: skip
+                                                       (31, 4 << 5, 0x400), (24, 1, 0)])  # fmt: skip
 def test_materials(version, stored, material):
     assert level([cube(SOLID, material=stored), *air(7)], 16, version).cubes.material[0] == material
 
@@ -236,12 +234,14 @@ def test_materials(version, stored, material):
 def test_texture_slots_and_their_changes(tmp_path):
     write_game(tmp_path)
     slots = [2, (1, 2 | 4 | 8, struct.pack("<f3i", 2.0, 3, 5, 7)), (2, 128, struct.pack("<3f", 0.5, 1, 9)), 1]
+    slots.append((4, 1, struct.pack("<2H", 1, 3) + b"abc" + bytes(16)))  # a parameter of the shader alone
     found = read_textures(level(air(), 16, slots=slots), Files(tmp_path), "tiny")
     assert found[1] == Texture("packages/wall.png", "packages/wall_n.png", scale=2.0)
     assert found[2] == Texture("packages/wall.png", "packages/wall_n.png", 3, (5, 7), 2.0)
     assert found[3].color == (0.5, 1.0, 9.0) and found[3].rotation == 0 and found[3].scale == 2.0
     assert found[4] == Texture("packages/floor.png", None, 1, (8, 16), 0.5)
-    assert "not_a_normal_map" in CONFIG and len(found) == 5
+    assert found[5] == found[4]
+    assert "not_a_normal_map" in CONFIG and len(found) == 6
 
 
 def test_texture_coordinates():

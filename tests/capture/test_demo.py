@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from demo_encoder import entity_state, file_bytes, game, player_state, snapshot_message, start_message
 
+from taubench_gl.capture.games import read_recording
 from taubench_gl.capture.quake3 import demo as wire
 from taubench_gl.capture.quake3.bits import CODES, BitReader
 from taubench_gl.errors import SceneError
@@ -188,7 +189,7 @@ def check_laws(demo, speed):
     "name, count, map_name, jumps", [("oa_dm6", 1499, "oa_dm6", 7), ("oa_shouse", 1499, "oa_shouse", 3)]
 )
 def test_our_recordings(name, count, map_name, jumps):
-    demo = wire.read_demo(RECORDINGS / f"{name}.dm_71")
+    demo = read_recording(RECORDINGS / f"{name}.dm_71")[1]
     assert (len(demo.snapshots), demo.map_name) == (count, map_name)
     assert {b.time - a.time for a, b in zip(demo.snapshots, demo.snapshots[1:])} == {16}
     flags = np.array([int(s.player[wire.PLAYER["flags"]]) & wire.TELEPORT for s in demo.snapshots])
@@ -197,7 +198,7 @@ def test_our_recordings(name, count, map_name, jumps):
 
 
 def test_other_players_are_sent_in_whole_units_and_degrees():
-    demo = wire.read_demo(RECORDINGS / "oa_shouse.dm_71")
+    demo = read_recording(RECORDINGS / "oa_shouse.dm_71")[1]
     columns = [wire.ENTITY[name] for name in ("x", "y", "z", "yaw", "pitch")]
     states = np.array(
         [[e[c] for c in columns] for s in demo.snapshots for e in s.entities.values() if e[wire.ENTITY["kind"]] == 1]
@@ -208,7 +209,7 @@ def test_other_players_are_sent_in_whole_units_and_degrees():
 
 
 def test_the_games_own_demos(game_demos):
-    human = wire.read_demo(game_demos["demos/demo088-test1.dm_71"])
+    human = read_recording(game_demos["demos/demo088-test1.dm_71"])[1]
     assert (human.messages, len(human.snapshots), human.seconds) == (3389, 3388, 169.9)
     check_laws(human, 1500)
     at = {s.time: s.player for s in human.snapshots}
@@ -220,5 +221,5 @@ def test_the_games_own_demos(game_demos):
     assert seen == [(105, 75), (104, 75), (103, 60), (102, 49)]
     heights = {s.player[wire.PLAYER["view_height"]] for s in human.snapshots}
     assert heights == {26}
-    old = wire.read_demo(game_demos["demos/boomtest.dm_68"])
+    old = read_recording(game_demos["demos/boomtest.dm_68"])[1]
     assert (old.messages, old.starts, old.invalid, old.map_name) == (350, 1, 0, "cratere3")

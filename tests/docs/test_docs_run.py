@@ -36,6 +36,7 @@ LEFT_OUT = {
     r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, test_tour.py, drivers",
     r"^conformance score": "reads frames of an engine: tests/conformance",
     r"^capture": "needs a recording and the game's data: tests/capture",
+    r"\bpairs\d|exr:denoised": "a walk through another program: tests/export/test_sequences_elsewhere.py",
     r"osmesa": "a driver that may be missing: tools/test --driver",
 }
 """Examples that do not run here (regular expressions of command lines), and what tests them."""
@@ -46,7 +47,13 @@ SMALL = {
 }  # fmt: skip
 """Values of options in place of those of the page and of the defaults."""
 
-LESS = {"path-traced@1024": "path-traced@8", "yaw=0:12:7": "yaw=0:12:2", "64": "4", "5": "2"}
+LESS = {
+    "path-traced@1024": "path-traced@8",
+    "path-traced@256": "path-traced@8",
+    "yaw=0:12:7": "yaw=0:12:2",
+    "64": "4",
+    "5": "2",
+}
 """Words in place of those of the page."""
 
 FIRST = {
@@ -59,6 +66,7 @@ FIRST = {
     r"\breuse-results\b": ["reuse evaluate scene.glb --methods none,accumulate --out reuse-results"],
     r"\breuse-a\b": ["reuse evaluate scene.glb --methods none,accumulate --out reuse-a"],
     r"\breuse-b\b": ["reuse evaluate scene.glb --methods none,taa_clamp --out reuse-b"],
+    r"^inspect nss": ["export scene.glb --out nss --format nss --input jittered+upscale@2 --reference max"],
     r"exr:frames": ["export scene.glb --out frames --format exr"],
     r"^reference compare": [
         "evaluate scene.glb --out raster --save masks,channels",
@@ -107,6 +115,7 @@ PYTHON = {
 PYTHON_ELSEWHERE = {
     "docs/api.md": "tests/test_api.py",
     "docs/reuse.md": "tests/reuse/test_reuse_guide.py, test_python_routes.py",
+    "docs/train-a-denoiser.md": "tests/export/test_sequences_elsewhere.py",
 }
 
 

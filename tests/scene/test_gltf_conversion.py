@@ -61,7 +61,10 @@ def glossy_scene(folder: Path, images: tuple[bytes, ...] = (), infos: tuple[dict
     gltf.extension(GLOSSY)
     gltf.json["extensionsRequired"] = [GLOSSY]
     values = dict(fields)
-    for name, data, info in zip(("diffuseTexture", "specularGlossinessTexture"), images, infos):
+    names = ("diffuseTexture", "specularGlossinessTexture")
+    for name, data, info in zip(names, images, infos):
+        if not data:
+            continue
         index = gltf.add("images", {"uri": "data:image/png;base64," + base64.b64encode(data).decode()})
         values[name] = {"index": gltf.add("textures", {"source": index}), **info}
     gltf.add("materials", {"name": "m", "extensions": {GLOSSY: values}})
@@ -106,6 +109,15 @@ def test_textures_of_other_sizes_are_resampled(tmp_path: Path) -> None:
     expected = srgb_decode(np.array(100 / 255)) / 0.96  # a specular color of 0
     base = scene.images[scene.materials[0].base_color_texture.image].decode()
     np.testing.assert_allclose(srgb_decode(base[..., 0] / 255), expected, atol=0.004)
+
+
+def test_a_texture_beside_a_factor(tmp_path: Path) -> None:
+    """Texels of a texture that is not square are converted with the factor that stands for the other texture."""
+    images = (b"", png((4, 2), "RGBA", (0, 0, 0, 128)))
+    scene = glossy_scene(tmp_path, images, diffuseFactor=[0.24, 0.48, 0.72, 1.0])
+    base = scene.images[scene.materials[0].base_color_texture.image].decode()
+    assert base.shape == (2, 4, 4)
+    np.testing.assert_allclose(srgb_decode(base[..., :3] / 255), [[[0.25, 0.5, 0.75]] * 4] * 2, atol=0.004)
 
 
 def test_textures_with_other_coordinates(tmp_path: Path) -> None:

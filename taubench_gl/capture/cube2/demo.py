@@ -60,7 +60,6 @@ class Demo:
     rows: Array
     events: list[Event]
     ms: tuple[int, int]
-    packets: int
     truncated: bool
 
     @property
@@ -124,25 +123,24 @@ def decode(data: bytes, name: str) -> Demo:
         raise SceneError("is no recording of Cube 2 (.dmo)", where=name, hint="it does not begin with SAUERBRATEN_DEMO")
     rows: list[tuple[int, ...]] = []
     events: list[Event] = []
-    last = first = None
-    packets = 0
+    stamps: list[int] = []
     while reader.at + 12 <= len(content):
         ms, channel, size = reader.get("3i")
-        if not 0 <= size <= 1 << 24 or ms < (last or 0):
+        if not 0 <= size <= 1 << 24 or stamps[-1:] > [ms]:
             raise reader.bad(f"declares a packet of {size} bytes at {ms} ms")
         if reader.at + size > len(content):
             whole = False
             break
-        packet = _Packet(reader.bytes(size), f"{name}: packet {packets} at {ms} ms")
+        packet = _Packet(reader.bytes(size), f"{name}: packet {len(stamps)} at {ms} ms")
         while packet.at < size:
             _message(packet, ms, -1, rows if channel == 0 else [], events)
-        first, last, packets = ms if first is None else first, ms, packets + 1
-        if packets % 256 == 0:
+        stamps.append(ms)
+        if len(stamps) % 256 == 0:
             require(len(rows) * _ROW_BYTES + len(events) * _EVENT_BYTES, "its messages", SceneError, name)
     table = np.array(rows, np.int64).reshape(-1, 8)
     if not len(table):
         raise SceneError("holds no place of a player", where=name, hint="give a recording of a match that was played")
-    return Demo(name, table, events, (first or 0, last or 0), packets, not whole or reader.at < len(content))
+    return Demo(name, table, events, (stamps[0], stamps[-1]), not whole or reader.at < len(content))
 
 
 def _message(p: _Packet, ms: int, sender: int, rows: list, events: list[Event]) -> None:

@@ -7,9 +7,7 @@ import zlib
 from typing import Any
 
 from taubench_gl.errors import SceneError
-from taubench_gl.memory_budget import require
-
-_BLOCK = 4 << 20
+from taubench_gl.memory_budget import limit, require
 
 
 def unpacked(data: bytes, where: str, kind: str) -> tuple[bytes, bool]:
@@ -17,15 +15,13 @@ def unpacked(data: bytes, where: str, kind: str) -> tuple[bytes, bool]:
 
     ``kind``: what it should be, for errors.  Raises SceneError for anything else.
     """
-    stream, out, rest = zlib.decompressobj(31), bytearray(), data
+    stream = zlib.decompressobj(31)
     try:
-        while rest and not stream.eof:
-            out += stream.decompress(rest, _BLOCK)
-            rest = stream.unconsumed_tail
-            require(len(out), "its content", SceneError, where)
+        out = stream.decompress(data, limit() + 1)
     except zlib.error as error:
         raise SceneError(f"is no {kind}: not gzip, or damaged ({error!s:.80})", where=where) from None
-    return bytes(out), stream.eof
+    require(len(out), "its content", SceneError, where)
+    return out, stream.eof
 
 
 class Reader:

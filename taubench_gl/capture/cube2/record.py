@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
-from taubench_gl.capture.cube2.demo import Demo, decode
-from taubench_gl.capture.cube2.textures import DEBIAN_DATA, INSTALL
-from taubench_gl.capture.play import play
-from taubench_gl.data_files import opened, read_bytes
-from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.outputs import copy_atomically, write_atomically
+from taubench_gl.capture.cube2.demo import Demo
+from taubench_gl.capture.cube2.world import DEBIAN_DATA, INSTALL
+from taubench_gl.capture.play import play, recorded
+from taubench_gl.errors import SettingsError
+from taubench_gl.outputs import write_atomically
 
 CLIENT = Path("/usr/lib/cube2/cube2_client")
 """Where Debian's package cube2 puts the engine."""
@@ -20,7 +18,7 @@ START = 5.5
 """Seconds of the game from the start of the match, until all bots play."""
 _SETTINGS = (
     "vsync 0; maxfps 200; shaders 0; shadowmap 0; glare 0; maxdynlights 0; maxparticles 10; blobs 0; ragdoll 0; "
-    "decals 0; hidehud 1; autorecorddemo 1; mode 5; map {map}"
+    "decals 0; hidehud 1; autorecorddemo 1; mode 5"
 )
 
 
@@ -32,25 +30,17 @@ def record(map_name: str, bots: int, seconds: float, out: Path, *, limit: float 
     """
     if not CLIENT.is_file() or not DEBIAN_DATA.is_dir():
         raise SettingsError("Cube 2 is not installed", hint=INSTALL)
-    if not map_name.replace("_", "").replace("-", "").isalnum():
-        raise SettingsError(f"{map_name!r:.60} is no name of a map", setting="map")
-    stop = round(1000 * (START + seconds + 1))
-    lines = [
-        _SETTINGS.format(map=map_name),
-        f"sleep 1000 [ fog 16; spectator 1; loop i {bots} [ addbot 90 ] ]",
-        f"sleep {round(1000 * START)} [ gamespeed {SPEED} ]",
-        f"sleep {stop} [ stopdemo; sleep 100 [ getdemo 1 made; sleep 300 [ quit ] ] ]",
-    ]
-    with tempfile.TemporaryDirectory() as folder:
-        home = Path(folder)
-        write_atomically(home / "record.cfg", "\n".join(lines) + "\n")
+    start, stop = round(1000 * START), round(1000 * (START + seconds + 1))
+    script = f"""{_SETTINGS}; map {map_name}
+sleep 1000 [ fog 16; spectator 1; loop i {bots} [ addbot 90 ] ]
+sleep {start} [ gamespeed {SPEED} ]
+sleep {stop} [ stopdemo; sleep 100 [ getdemo 1 made; sleep 300 [ quit ] ] ]
+"""
+
+    def attempt(home: Path) -> Path | None:
+        write_atomically(home / "record.cfg", script)
         command = [CLIENT, f"-q{home}", f"-k{DEBIAN_DATA}", "-t0", "-w320", "-h240", "-xexec record.cfg"]
         made = home / "demo" / "made.dmo"
-        if play(command, home, limit) and made.is_file():
-            demo = decode(read_bytes(made, SceneError), made.name)
-            if demo.seconds > seconds:
-                with opened(made, SceneError) as file:
-                    copy_atomically(file, out)
-                return demo
-    hint = "is it a map of cube2-data with waypoints (.wpt)? else raise --limit"
-    raise SceneError(f"Cube 2 recorded too little in {limit:g} s", where=map_name, hint=hint)
+        return made if play(command, home, limit) and made.is_file() else None
+
+    return recorded(attempt, map_name, seconds, out, 1)

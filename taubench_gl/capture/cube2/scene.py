@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from taubench_gl.capture.cube2.demo import Demo
-from taubench_gl.capture.cube2.level import OLDEST_WHOLE, read_level
-from taubench_gl.capture.cube2.textures import Files
+from taubench_gl.capture.cube2.level import read_level
 from taubench_gl.capture.cube2.timeline import GRENADE, ROCKET, Shot, Timeline
-from taubench_gl.capture.cube2.world import add_lights, add_point, add_world
+from taubench_gl.capture.cube2.world import Files, add_lights, add_point, add_world
 from taubench_gl.capture.parts import Motion, SceneFile, view_rotations, y_up
-from taubench_gl.capture.recording import EXACT_RATE, Choice, Eye, Recording, axes, key_times, sample_times, windows
+from taubench_gl.capture.recording import EXACT_RATE, Choice, Recording, axes, eye_times, key_times, rows_along, windows
 from taubench_gl.math3d import mat3_from_quat, normalize
 from taubench_gl.metrics.activity import camera_activity
 from taubench_gl.scene.builder import box
@@ -50,14 +48,14 @@ _BODY = {
 def as_recording(demo: Demo, player: int | None = None, seconds: float = Choice.seconds) -> Recording:
     """The recording as one player saw it; None: the one with the window of most rotation.  Raises SceneError,
     SettingsError."""
-    grid, timeline = sample_times(demo.seconds, demo.name), Timeline(demo)
+    grid, timeline = eye_times(demo.seconds, demo.name), Timeline(demo)
     shots = timeline.shots
     times = {
         "shots": [shot.time for shot in shots],
         "rockets": [shot.time for shot in shots if shot.gun == ROCKET],
         "explosions": timeline.times("EXPLODEFX"),
         "deaths": timeline.times("DIED"),
-        "lights": [keys[0] for shot in shots for _, _, _, keys, _ in _lights(shot, demo.seconds)],
+        "lights": [keys[0] for shot in shots for _, _, _, keys, _ in _lights(shot)],
     }
     counts = {kind: np.sort(np.asarray(found, dtype=float)) for kind, found in times.items()}
     names = tuple(f"{number} {demo.names.get(number, '')}".strip() for number in timeline.paths)
@@ -76,8 +74,6 @@ def as_recording(demo: Demo, player: int | None = None, seconds: float = Choice.
 def build_scene(demo: Demo, files: Files, choice: Choice, path: Path) -> SceneFile:
     """Write the scene to ``path`` (.glb).  Raises SceneError for damaged files, SettingsError for an empty part."""
     times = key_times(choice, demo.seconds, demo.name)
-    if choice.player is None:
-        choice = replace(choice, player=as_recording(demo, None, choice.seconds).player)
     timeline, now = Timeline(demo), choice.start + times
     eye = timeline.eye(choice.player, now)
     file = SceneFile(times, UNITS[choice.unit], LICENSE)
@@ -92,8 +88,7 @@ def build_scene(demo: Demo, files: Files, choice: Choice, path: Path) -> SceneFi
     _add_players(file, timeline, now, choice.player)
     _add_shots(file, timeline, now, choice.lights)
     name = f"{demo.map_name} player {choice.player} {choice.start:g} to {choice.start + choice.seconds:g} s"
-    old = f"; map version {level.version}: a few faces may be missing" if level.version < OLDEST_WHOLE else ""
-    file.save(path, name, _note(choice, eye, timeline) + old)
+    file.save(path, name, f"{_note(choice, timeline)}; map of version {level.version}, whole from 29 on")
     return file
 
 
@@ -126,49 +121,43 @@ def _add_players(file: SceneFile, timeline: Timeline, now: Array, camera: int | 
         file.counts["players"] += 1
 
 
-def _lights(shot: Shot, last: float) -> list[tuple[str, float, tuple, Array, list[float]]]:
-    """Lights of a shot: name, radius in cubes, color, and seconds at which each brightness is reached; ``last``: end of
-    the recording."""
+def _lights(shot: Shot) -> list[tuple[str, float, tuple, Array, list[float]]]:
+    """Lights of a shot: name, radius in cubes, color, and seconds at which each brightness is reached."""
     out = []
     if shot.gun in FLASHES:
         radius, hold, fade = FLASHES[shot.gun]
         out.append(("muzzle", radius, _WARM, shot.time + np.array([0, hold, hold + fade]) / 1000, [1, 1, 0]))
     if shot.gun == ROCKET:
-        end = last if shot.end is None else shot.end
-        out.append(("rocket light", 20, _ROCKET_LIGHT, np.array([shot.time, end - 1e-6]), [1, 1]))
-        if shot.end is not None:
-            out.append(("explosion", 46, (2, 1.5, 1), end + np.array([0, 0.1, 0.8]), [0, 1, 0]))
+        out.append(("rocket light", 20, _ROCKET_LIGHT, np.array([shot.time, shot.end - 1e-6]), [1, 1]))
+        if shot.exploded:
+            out.append(("explosion", 46, (2, 1.5, 1), shot.end + np.array([0, 0.1, 0.8]), [0, 1, 0]))
     return out
 
 
 def _add_shots(file: SceneFile, timeline: Timeline, now: Array, lights: bool) -> None:
     """Rockets, and the lights of shots, rockets and explosions, one each."""
-    rocket, last = _box(file, "rocket", (-1.5, -0.5, -0.5), (1.5, 0.5, 0.5), (0.3, 0.3, 0.3)), timeline.demo.seconds
+    rocket = _box(file, "rocket", (-1.5, -0.5, -0.5), (1.5, 0.5, 0.5), (0.3, 0.3, 0.3))
     for number, shot in enumerate(timeline.shots):
-        end = last if shot.end is None else shot.end
-        flies = (now >= shot.time) & (now < end)
-        places = shot.at(np.minimum(now, end))
+        flies, places = (now >= shot.time) & (now < shot.end), shot.at(now)
         if shot.gun == GRENADE and flies.any():
             file.lost["grenades and their explosions, whose places a recording has not"] += 1
         if shot.gun == ROCKET and flies.any():
-            ahead = normalize(shot.goal - shot.start)
-            left = normalize(np.cross([0, 0, 1.0] if abs(ahead[2]) < 0.99 else [1.0, 0, 0], ahead))
-            rows = np.stack([ahead, left, np.cross(ahead, left)])[None].repeat(len(now), 0)
+            rows = rows_along(normalize(shot.goal - shot.start)[None]).repeat(len(now), 0)
             file.place(f"rocket {number}", "rockets", rocket, Motion(places, rows, flies))
-        for name, radius, color, keys, levels in _lights(shot, last) if lights else ():
+        for name, radius, color, keys, levels in _lights(shot) if lights else ():
             brightness = np.interp(now, keys, levels, 0, 0)
             where = shot.start[None].repeat(len(now), 0) if name == "muzzle" else places
             add_point(file, f"{name} {number}", "dynamic lights", where, np.array(color), radius, brightness)
 
 
-def _note(choice: Choice, eye: Eye, timeline: Timeline) -> str:
+def _note(choice: Choice, timeline: Timeline) -> str:
     """What every evaluation of the scene says."""
     frames = timeline.eye(choice.player, choice.start + np.arange(choice.seconds * EXACT_RATE + 1e-6) / EXACT_RATE)
     steps = camera_activity(y_up(frames.places), mat3_from_quat(view_rotations(frames.axes)))
     means = (float(np.mean(values[~frames.jumps[1:]])) for values in (steps.yaw, steps.pitch, 16 * steps.position))
     yaw, pitch, move = (f"{100 / mean:.0f} %" if mean > 0.01 else "all" for mean in means)
     unit = "1 unit is a cube" if choice.unit == "cube" else f"{1 / METERS:g} cubes are 1 m"
-    jumps = f"{int(eye.jumps.sum())} jumps of the camera, " if eye.jumps.any() else ""
+    jumps = f"{int(frames.jumps.sum())} jumps of the camera, " if frames.jumps.any() else ""
     return (
         f"recorded game: {unit}, {jumps}no view weapon, no roll; keys at {choice.fps:g} and {EXACT_RATE:g} fps; "
         f"angles are stored in whole degrees, {yaw} of the mean turn in yaw and {pitch} in pitch per frame at "

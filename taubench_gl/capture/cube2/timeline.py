@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.sparse import diags, identity
+from scipy.sparse.linalg import splu
 
 from taubench_gl.capture.cube2.demo import STEP, Demo, Event
 from taubench_gl.capture.recording import Eye, axes
@@ -36,20 +37,14 @@ def smooth_path(times: Array, low: Array) -> Array:
 
     Alternating direction method of multipliers (Boyd et al. 2011) with over-relaxation 1.6.
     """
-    if len(times) < 3:
-        return low + 0.5
     step = np.diff(times) / np.median(np.diff(times))
     before, after = step[:-1], step[1:]
     rows = np.stack([1 / before, -1 / before - 1 / after, 1 / after]) * np.sqrt(2 / (before + after))
-    band = np.zeros((3, len(times)))
-    for i in range(3):
-        for j in range(i + 1):
-            band[2 - i + j, i : i + len(times) - 2] += rows[i] * rows[j]
-    band[2] += 1
-    factor = cholesky_banded(band)
+    second = diags(rows, [0, 1, 2], shape=(len(times) - 2, len(times)))
+    solve = splu((second.T @ second + identity(len(times))).tocsc()).solve
     inside, late = low + 0.5, np.zeros_like(low, dtype=float)
     for _ in range(_ROUNDS):
-        free = 1.6 * cho_solve_banded((factor, False), inside - late) - 0.6 * inside
+        free = 1.6 * solve(inside - late) - 0.6 * inside
         inside = np.clip(free + late, low, low + (1 - 1e-6))
         late += free - inside
     return inside
@@ -73,14 +68,6 @@ class Timeline:
 
     def __init__(self, demo: Demo):
         self.demo = demo
-        ended: dict[int, list[int]] = {}
-        moved: dict[int, list[int]] = {}
-        for event in demo.events:
-            if event.name in ("DIED", "FORCEDEATH", "TELEPORT"):
-                (moved if event.name == "TELEPORT" else ended).setdefault(event.values[0], []).append(event.ms)
-            elif event.name == "SPAWN":
-                ended.setdefault(event.sender, []).append(event.ms)
-        self._cuts = ended, moved
 
     @cached_property
     def paths(self) -> dict[int, list[Path]]:
@@ -94,9 +81,10 @@ class Timeline:
     def _player(self, rows: Array) -> list[Path]:
         rows = rows[np.append(np.diff(rows[:, 0]) > 0, True)]  # the later packet of the same time counts
         ms, player = rows[:, 0], int(rows[0, 1])
-        ended, moved = (np.searchsorted(sorted(cuts.get(player, [])), ms, "right") for cuts in self._cuts)
-        gone = (np.diff(ended) > 0) | (np.diff(rows[:, 2]) != 0) | (np.diff(ms) > _GAP)
-        starts = np.flatnonzero(gone | (np.diff(moved) > 0)) + 1
+        gone = (
+            self._between(ms, player, "DIED", "FORCEDEATH", "SPAWN") | (np.diff(rows[:, 2]) != 0) | (np.diff(ms) > _GAP)
+        )
+        starts = np.flatnonzero(gone | self._between(ms, player, "TELEPORT")) + 1
         parts = [part for part in np.split(np.arange(len(ms)), starts) if len(part) > 2]
         out = []
         for part, following in zip(parts, [*parts[1:], None], strict=False):
@@ -105,6 +93,12 @@ class Timeline:
             until = (ms[following[0]] - self.demo.ms[0]) / 1000 if following is not None and stays else seconds[-1]
             out.append(Path(seconds[0], seconds[-1], until, self._spline(seconds, rows[part])))
         return out
+
+    def _between(self, ms: Array, player: int, *names: str) -> Array:
+        """Whether a message about a player comes between its packets and those that follow."""
+        found = (e for e in self.demo.events if e.name in names)
+        own = [e.ms for e in found if player == (e.sender if e.name == "SPAWN" else e.values[0])]
+        return np.diff(np.searchsorted(own, ms, "right")) > 0
 
     def _spline(self, seconds: Array, rows: Array) -> CubicSpline:
         x, y, z = rows[:, 3:6].T
@@ -140,7 +134,8 @@ class Timeline:
             if event.name == "SHOTFX":
                 player, gun, number, *six = event.values
                 places = np.array(six, float).reshape(2, 3)[:, [1, 0, 2]] * STEP
-                out.append(Shot(self._seconds(event), gun, *places, ends.get((player, gun, number))))
+                end = ends.get((player, gun, number))
+                out.append(Shot(self._seconds(event), gun, *places, end or self.demo.seconds, end is not None))
         return out
 
     def times(self, *names: str) -> Array:
@@ -153,17 +148,19 @@ class Timeline:
 
 @dataclass(frozen=True)
 class Shot:
-    """A shot from ``start`` toward ``goal``, (3,) cubes, right-handed.  ``end``: when it exploded, None: never."""
+    """A shot from ``start`` toward ``goal``, (3,) cubes, right-handed.  ``end``: when it exploded, or the
+    recording ended."""
 
     time: float
     gun: int
     start: Array
     goal: Array
-    end: float | None
+    end: float
+    exploded: bool
 
     def at(self, times: Array) -> Array:
-        """(n, 3) where a rocket is: straight ahead, at most to its goal."""
+        """(n, 3) where a rocket is: straight ahead, at most to its goal, until it explodes."""
         way = self.goal - self.start
         length = np.linalg.norm(way)
-        along = np.clip((np.asarray(times) - self.time) * SPEED, 0, length)
+        along = np.clip((np.minimum(times, self.end) - self.time) * SPEED, 0, length)
         return self.start + along[:, None] * normalize(way)

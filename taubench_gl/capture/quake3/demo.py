@@ -10,14 +10,11 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from taubench_gl.capture.quake3.bits import BitReader
-from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import SceneError
 from taubench_gl.memory_budget import require
 
-MAX_BYTES = 256 << 20
 MAX_MESSAGE = 16384
 NO_ENTITY = 1023
 """Entity number that ends a list."""
@@ -116,13 +113,11 @@ def info_values(text: str) -> dict[str, str]:
     return dict(zip(parts[::2], parts[1::2], strict=False))
 
 
-def read_demo(path: str | Path) -> Demo:
-    """Decode a demo.  One that ends early has ``truncated`` set.  Raises SceneError for what is no demo or damaged."""
-    return decode(read_bytes(path, SceneError, max_bytes=MAX_BYTES), str(path))
-
-
 def decode(data: bytes, name: str) -> Demo:
-    """Decode the bytes of a demo; ``name``: of the file, for errors.  Raises SceneError."""
+    """Decode the bytes of a demo; ``name``: of the file, for errors.  One that ends early has ``truncated`` set.
+
+    Raises SceneError for what is no demo or damaged.
+    """
     demo, at, recent = Demo(name), 0, {}
     while True:
         number, size = struct.unpack_from("<ii", data, at) if at + 8 <= len(data) else (0, -2)

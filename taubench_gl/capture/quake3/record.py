@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from pathlib import Path
 
-from taubench_gl.capture.play import play
-from taubench_gl.capture.quake3.demo import Demo, read_demo
-from taubench_gl.data_files import opened
-from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.outputs import copy_atomically, write_atomically
+from taubench_gl.capture.play import play, recorded
+from taubench_gl.capture.quake3.demo import Demo
+from taubench_gl.errors import SettingsError
+from taubench_gl.outputs import write_atomically
 
 INSTALL = "apt-get install ioquake3 openarena"
 FOLDERS = (Path("/usr/lib/openarena"), Path("/usr/share/games/openarena"))
@@ -41,21 +39,10 @@ def record(map_name: str, bots: int, seconds: float, out: Path, *, rockets: bool
     folder = next((folder for folder in FOLDERS if (folder / "baseoa").is_dir()), None)
     if engine is None or folder is None:
         raise SettingsError("ioquake3 and OpenArena are not installed", hint=INSTALL)
-    if not map_name.replace("_", "").replace("-", "").isalnum():
-        raise SettingsError(f"{map_name!r:.60} is no name of a map", setting="map")
     settings = _SETTINGS | {"fs_basepath": folder, "g_rockets": int(rockets)}
     command = [engine, *(word for name, value in settings.items() for word in ("+set", name, str(value)))]
     command += ["+devmap", map_name, "+set", "r_norefresh", "1", "+set", "fixedtime", str(STEP), "+exec", "record.cfg"]
-    for _ in range(TRIES):
-        with tempfile.TemporaryDirectory() as home:
-            made = _play(command, Path(home), bots, seconds, limit)
-            demo = None if made is None else read_demo(made)
-            if demo is not None and demo.seconds > seconds - 0.1:
-                with opened(made, SceneError) as file:
-                    copy_atomically(file, out)
-                return demo
-    hint = "is it a map of the installed packages? else raise --limit"
-    raise SceneError(f"ioquake3 recorded too little in {TRIES} attempts of {limit:g} s", where=map_name, hint=hint)
+    return recorded(lambda home: _play(command, home, bots, seconds, limit), map_name, seconds, out, TRIES)
 
 
 def _play(command: list[str], home: Path, bots: int, seconds: float, limit: float) -> Path | None:

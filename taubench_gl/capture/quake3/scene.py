@@ -14,8 +14,7 @@ from taubench_gl.capture.quake3.paks import Paks
 from taubench_gl.capture.quake3.players import add_players
 from taubench_gl.capture.quake3.surfaces import Surfaces
 from taubench_gl.capture.quake3.timeline import FIRE, IMPACTS, MISSILE_KIND, UNIT, Timeline
-from taubench_gl.capture.recording import EXACT_RATE, Choice, Eye, Recording, key_times, sample_times
-from taubench_gl.errors import SettingsError
+from taubench_gl.capture.recording import EXACT_RATE, Choice, Eye, Recording, eye_times, key_times
 
 NEAR = 4.0
 """Units from the eye to the near plane, as in the engine."""
@@ -23,14 +22,12 @@ LICENSE = "derived from the game's maps, models and images; those of OpenArena: 
 
 
 def as_recording(demo: Demo, player: int | None = None, seconds: float = 0.0) -> Recording:
-    """The demo for ``info`` and the search for windows; ``seconds``: of a window, which this game does not need.
+    """The demo for ``info`` and the search for windows; ``player``, ``seconds``: of Cube 2 only, whose recordings have
+    all players.
 
-    Raises SceneError for one of more than an hour, SettingsError if a player is chosen.
+    Raises SceneError for one of more than an hour.
     """
-    if player is not None:
-        hint = "leave --player out: the recording has one player's view"
-        raise SettingsError("is a recording of the Quake 3 family", where=demo.name, hint=hint)
-    timeline = Timeline(demo, sample_times(demo.seconds, demo.name))
+    timeline = Timeline(demo, eye_times(demo.seconds, demo.name))
     first = demo.snapshots[0].time
     missiles = {
         key: timeline.ms[np.argmax(track.present)]

@@ -16,7 +16,7 @@ from taubench_gl.capture.quake3.bsp import Bsp
 from taubench_gl.capture.quake3.demo import ENTITY, HIDDEN, PLAYER
 from taubench_gl.capture.quake3.players import WEAPONS, weapon_meshes
 from taubench_gl.capture.quake3.surfaces import Surfaces
-from taubench_gl.capture.recording import Eye
+from taubench_gl.capture.recording import Eye, rows_along
 from taubench_gl.math3d import normalize
 
 Array = np.ndarray
@@ -87,10 +87,9 @@ def add_missiles(timeline: tl.Timeline, surfaces: Surfaces, lights: bool) -> Non
             mesh = surfaces.still_mesh(_MISSILES.get(weapon, _MISSILES[_ROCKET]))
         velocity = tl.columns(track.states, ("vx", "vy", "vz"))
         forward = normalize(np.where(np.abs(velocity).max(1, keepdims=True) > 0, velocity, [0.0, 0, 1]))
-        upright = np.abs(forward[:, 2:]) < 0.99
-        left = normalize(np.cross(np.where(upright, [0.0, 0, 1], [1.0, 0, 0]), forward))
         turn = np.radians(timeline.ms / 4)[:, None]
-        left = np.cos(turn) * left + np.sin(turn) * np.cross(forward, left)
+        _, left, up = np.moveaxis(rows_along(forward), 1, 0)
+        left = np.cos(turn) * left + np.sin(turn) * up
         rows = np.stack([forward, left, np.cross(forward, left)], 1)
         motion = Motion(track.places, rows, track.present, jumps=track.jumps)
         surfaces.file.place(f"missile {number}", "missiles", mesh, motion)
