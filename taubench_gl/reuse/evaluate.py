@@ -60,8 +60,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
-Frames = FrameInputs | Mapping[str, FrameInputs]
-"""Inputs of one frame; of methods that generate frames by ``Method.generates``."""
+Frames = FrameInputs | Mapping[str, FrameInputs]  # the latter by ``Method.generates``, where methods generate frames
 
 SCHEMA = "taubench-gl/reuse/3"
 

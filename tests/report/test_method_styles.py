@@ -34,6 +34,6 @@ def test_any_two_methods_differ_in_color_or_line(sight):
 def test_a_style_does_not_depend_on_the_other_methods():
     few, many = method_styles(["svgf", "mine"]), method_styles(["none", *builtin_methods()[::-1], "mine"])
     assert few["svgf"] == many["svgf"] and few["mine"] == many["mine"]
-    own = [f"mine@alpha={i}" for i in range(15)]
+    own = [f"mine@alpha={i}" for i in range(len(ALL) + 1 - len(BUILTIN))]  # as many as there are other styles
     assert len(set(method_styles([*builtin_methods(), *own]).values())) == len(builtin_methods()) + len(own)
     assert len(method_styles(own * 4)) == len(own) and len(method_styles([f"m{i}" for i in range(99)])) == 99
