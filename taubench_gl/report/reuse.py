@@ -165,9 +165,8 @@ def _generated_table(summary: Summary) -> list[Table]:
         rows.append(Row(label, (None if None in (own, base) else own - base, latency["frames"], latency["ms"])))
     columns = (Column("gain, PSNR", "dB", 2), Column("latency", "rendered frames"), Column("latency", "ms", 1))
     note = (
-        f"One of {summary['input'].get('render_every')} frames is rendered; the others are scored against frames "
-        "rendered at their times, and with the last rendered frame in their place (present-last). Pixel classes: what "
-        "changed since the last rendered frame. Latency: without the time that the method takes."
+        f"One of {summary['input'].get('render_every')} frames is rendered, the others are scored. Gain: over the last "
+        "rendered frame. Pixel classes: changes since then. Latency: without the time that the method takes."
     )
     return [Table(13, "Generated frames", columns, tuple(rows), (note,))] if rows else []
 

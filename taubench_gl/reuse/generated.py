@@ -49,9 +49,8 @@ def of_method(method: Method, summary: dict[str, Any], every: int, fps: float) -
     """
     waits = method.generates == INTERPOLATE
     reasons = summary.get("reasons", {}) | dict.fromkeys(("tpsnr_db", "flicker", "warp_error"), NOT_IN_TURN)
-    return summary | {
-        "latency": {"frames": int(waits), "ms": 1000.0 * (every - 1) / fps if waits else 0.0}, "reasons": reasons,
-    }  # fmt: skip
+    latency = {"frames": int(waits), "ms": 1000.0 * (every - 1) / fps if waits else 0.0}
+    return summary | {"latency": latency, "reasons": reasons}
 
 
 class GeneratedInputs(GpuOwner):

@@ -25,20 +25,25 @@ BACKGROUND = 1.1
 class Splatted:
     """An image seen from elsewhere.
 
-    ``at`` (h, w, 2): the point of the source image that each pixel shows, in holes the same pixel; ``depth`` (h, w): of
-    what it shows, inf in holes and for the sky; ``covered`` (h, w) bool: False in holes.
+    ``at`` (h, w, 2): the point of the source image that each pixel shows, and ``source`` the pixel that it is of; in
+    holes the same pixel.  ``depth`` (h, w): of what it shows, inf in holes and for the sky; ``covered`` (h, w) bool:
+    False in holes; ``nearness`` (h, w): 1 / depth of the source image.
     """
 
     at: Array
+    source: Array
     depth: Array
     covered: Array
+    nearness: Array
 
     def values(self, image: Array, helpers: Any) -> Array:
-        """``image`` (h, w, n) of the source, bilinear between pixels; holes have the values of their background.
+        """``image`` (h, w, n) of the source; holes have the values of their background.
 
-        ``helpers``: ``frame["helpers"]``.
+        Bilinear between pixels, but not over edges, where depths differ.  ``helpers``: ``frame["helpers"]``.
         """
-        values = helpers.sample(image, self.at)
+        near = 1.0 / self.depth
+        mixed = np.abs(helpers.sample(self.nearness[..., None], self.at)[..., 0] - near) > (BACKGROUND - 1) * near
+        values = helpers.sample(image, np.where(mixed[..., None], self.source, self.at))
         return values[tuple(background(self.covered, self.depth))]
 
 
@@ -69,7 +74,8 @@ def splat(at: Array, depth: Array) -> Splatted:
     index = np.where(covered, buffer, number).astype(np.uint32)  # the lower half
     source, pixels = (np.stack([n % width, n // width], axis=-1).astype(np.float64) for n in (index, number))
     moved = np.where(covered[..., None], at.reshape(-1, 2)[index] - source, 0.0)
-    return Splatted(pixels - moved, np.where(covered, depth.ravel()[index], np.inf), covered)
+    shown = np.where(covered, depth.ravel()[index], np.inf)
+    return Splatted(pixels - moved, source, shown, covered, 1.0 / depth)
 
 
 def background(covered: Array, depth: Array) -> Array:

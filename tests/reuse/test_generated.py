@@ -125,13 +125,17 @@ def test_holes_have_the_background_of_their_row_or_column():
     np.testing.assert_array_equal(background(np.zeros((2, 3), bool), np.full((2, 3), np.inf)), np.indices((2, 3)))
 
 
-def test_a_camera_that_only_turns_is_the_homography_of_time_warp(gpu):
-    """Of the synthetic scene, whatever its depths: a smooth image at the pixels of K R K^-1."""
+@pytest.mark.parametrize("depth", [0.0, 1.0, 50.0])
+def test_a_camera_that_only_turns_is_the_homography_of_time_warp(gpu, depth):
+    """Of a wall at any depth, and of the sky: a smooth image at the pixels of K R K^-1."""
     size = (64, 36)
     y, x = np.mgrid[: size[1], : size[0]]
     image = np.stack([0.01 * x, 0.02 * y, 0.5 + 0.0 * x], axis=-1)
     steps = still_steps(size, [image])
-    view = steps[0].view
+    view, pair = steps[0].view, steps[0].pair
+    rays = pair.sky_origin + x[..., None] * pair.sky_dx + (size[1] - 1 - y)[..., None] * pair.sky_dy
+    position = np.concatenate([depth * rays[..., :3], np.full((*x.shape, 1), depth)], axis=-1)
+    steps[0] = replace(steps[0], inputs=steps[0].inputs | {"position": position, "prev_position": position})
     c, s = np.cos(0.02), np.sin(0.02)
     shown = replace(view, world_from_view=view.world_from_view @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]))
     (found,) = play(gpu, "space-warp", steps, shown=shown, phase=0.5)

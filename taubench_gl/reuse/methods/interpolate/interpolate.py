@@ -10,7 +10,8 @@ class Interpolate:
     the surface that is nearer, or that one frame alone has, is shown.
 
     Forward motion of the earlier frame is the motion of the later one, splatted back; what the later one hides goes on
-    moving as before.  Departs: no optical flow, so shadows and reflections are blended where they were and are.
+    moving as before.  Edges in front of either frame are shown, so they grow by up to a pixel.  Departs: no optical
+    flow, so shadows and reflections are blended where they were and are.
     """
 
     name = "interpolate"
@@ -36,9 +37,7 @@ class Interpolate:
         forward = np.where(seen[..., None], -helpers.nearest(motion, back.at), -then_motion)
         late = splat(pixels + (1 - share) * motion, depth)
         early = splat(pixels + share * forward, then_depth)
-        weight = np.full(depth.shape, share)
-        weight = np.where(late.depth < early.depth / BACKGROUND, 1.0, weight)
-        weight = np.where(early.depth < late.depth / BACKGROUND, 0.0, weight)
-        weight = np.where(late.covered & ~early.covered, 1.0, weight)
-        weight = np.where(early.covered & ~late.covered, 0.0, weight)[..., None]
+        only_late = late.covered & (~early.covered | (late.depth < early.depth / BACKGROUND))
+        only_early = early.covered & (~late.covered | (early.depth < late.depth / BACKGROUND))
+        weight = np.where(only_late, 1.0, np.where(only_early, 0.0, share))[..., None]
         return weight * late.values(color, helpers) + (1 - weight) * early.values(then, helpers)

@@ -35,5 +35,4 @@ class SpaceWarp:
         front = np.where(clip[..., 3] > 0, clip[..., 3], np.nan)[..., None]
         at = (0.5 * clip[..., :2] / front + 0.5) * [width, height] - 0.5
         at[..., 1] = height - 1 - at[..., 1]
-        depth = np.where(surface, front, 0.0)[..., 0]
-        return splat(at, np.nan_to_num(depth)).values(color, frame["helpers"])
+        return splat(at, np.nan_to_num(np.where(surface, front, 0.0)[..., 0])).values(color, frame["helpers"])
