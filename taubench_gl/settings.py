@@ -376,11 +376,12 @@ class LightingSettings(Checked):
     )
     light_time: float | None = setting(
         None,
-        "Seconds after which no further round of sampled light begins: results then depend on the machine",
+        "Seconds after which no further round of sampled light begins, in place of a number of samples: results then "
+        "depend on the machine",
         above_zero("seconds above 0"),
         unit="s",
         metavar="SECONDS",
-        shown="no limit",
+        shown="2 million samples",
     )
     spp: int | None = setting(
         None,

@@ -6,6 +6,7 @@ not by a clock.  So results do not depend on speed, on workers or on kills.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -55,7 +56,7 @@ class RoundSizes:
     pixels: int = 128  # of a visit
     kept_pairs: int = 32  # that a round visits where previews of all pairs are kept; it has half as many pixels
     limit: int = LIMIT  # most samples of a pixel, in each frame
-    samples: int = 1 << 21  # of a run, after which no further round begins: some 20 s of two CPU cores
+    samples: int = 1 << 21  # of a run without ``light_time``, after which no round begins: some 20 s of two CPU cores
 
 
 ROUND_SIZES = RoundSizes()
@@ -295,7 +296,12 @@ class SampledLight:
             return not self.estimate.positions
         if self._empty >= len(self.estimate.positions):  # no pair has a pixel that no visit has had
             return True
-        return bool(self.estimate.samples) and (self.narrow or self.estimate.samples >= ROUND_SIZES.samples)
+        return bool(self.estimate.samples) and (self.narrow or self.estimate.samples >= self._most_samples)
+
+    @property
+    def _most_samples(self) -> float:
+        """Samples after which no further round begins, unless the settings have a time instead."""
+        return ROUND_SIZES.samples if self._settings.lighting.light_time is None else math.inf
 
     @property
     def narrow(self) -> bool:
@@ -306,7 +312,7 @@ class SampledLight:
     def share_left(self) -> float:
         """What is left to do in units of what was done, if intervals narrow with the square root of the samples."""
         by_width = (self.estimate.widest(self._intervals) / self._settings.lighting.light_within) ** 2
-        return max(min(by_width, ROUND_SIZES.samples / max(self.estimate.samples, 1)) - 1.0, 0.0)
+        return max(min(by_width, self._most_samples / max(self.estimate.samples, 1)) - 1.0, 0.0)
 
     @property
     def state(self) -> str:

@@ -160,6 +160,18 @@ def test_a_run_within_its_budget_ends(monkeypatch):
     assert 6000 <= summary["samples"] < 6000 + 2 * 2 * 64 * (16 + 20)
 
 
+def test_a_time_takes_the_place_of_the_number_of_samples(monkeypatch):
+    """Rounds go on after the samples of a run without a time, until the intervals are narrow."""
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=8, limit=64, samples=1))
+    settings = fixed_settings(**DEMO_SETTINGS, light_within=20.0)
+    one, many = (
+        evaluate_scene(DEMO, settings.replace(light_time=t), sampled=True).summary["sampled_light"]
+        for t in (None, 1000.0)
+    )
+    assert one["rounds"] == 1 and not one["narrow"]
+    assert many["rounds"] > 1 and many["narrow"]
+
+
 def test_a_batch_refuses_a_time_of_light(tmp_path):
     job = Job("demo", str(DEMO), fixed_settings(light_time=5.0), {})
     with pytest.raises(SettingsError) as caught:
