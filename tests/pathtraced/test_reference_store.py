@@ -15,7 +15,9 @@ from fixed import fixed_settings
 
 from taubench_gl.animation import View
 from taubench_gl.apps.cli import cli
+from taubench_gl.camera_path_settings import CameraPathSettings
 from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.fields import declared
 from taubench_gl.pathtraced import references
 from taubench_gl.pathtraced.references import (
     FEWEST,
@@ -300,7 +302,7 @@ def test_what_the_radiance_depends_on_is_in_the_key(tmp_path):
 
 def test_every_setting_is_in_the_key_or_known_not_to_matter():
     """A new setting must be decided on: a reference for another value of it must not be reused if radiance differs."""
-    of_the_view = {"frames", "camera", *STEREO}
+    of_the_view = {"frames", "camera", *declared(CameraPathSettings), *STEREO}
     afterwards = {"exposure", "tone_map", "thresholds", "unit_scale", "sampling", "exact"}
     set_by_references = {
         "reprojection", "columns", "samples_per_pixel", "pairs", "effects", "light", "spp", "pattern", "indirect",
