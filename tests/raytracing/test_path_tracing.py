@@ -10,7 +10,7 @@ from fixed import fixed_settings
 from references.path_tracing import LightSegments, PathLight, TraceScene, trace
 from repeated import few
 
-from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.animation import FrameState, Poser, View, choose_camera
 from taubench_gl.frame.passes.pathtracing import CANDIDATES, CELL_ENTRIES, MOST_CELLS, subpath_choice
 from taubench_gl.frame.raytracing import emitters
 from taubench_gl.frame.raytracing.emitters import group_size
@@ -22,7 +22,7 @@ from taubench_gl.metrics.environment import direction_choice
 from taubench_gl.metrics.lighting import SurfaceMaterial, incident
 from taubench_gl.metrics.stochastic import LightCells, cell_choice, light_choice
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
-from taubench_gl.scene.model import Scene
+from taubench_gl.scene.model import Material, Scene
 from taubench_gl.selftest.scenes import sky_file
 from taubench_gl.srgb import LUMINANCE
 
@@ -92,14 +92,7 @@ def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLig
     """Sums of the float64 path tracer at the surface pixels of ``frame``, and which pixels those are."""
     state = Poser(scene).sample(0.0)
     view = choose_camera(scene).view_at(state)
-    corners, rows = [], []
-    for node in scene.mesh_nodes.tolist():
-        for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
-            points = primitive.positions.astype(np.float64) @ state.world[node, :3, :3].T
-            points += state.world[node, :3, 3] - view.position
-            corners.append(points[primitive.triangles])
-            rows += [scene.materials[primitive.material]] * len(primitive.triangles)
-    triangles = np.concatenate(corners)
+    triangles, rows = _triangles(scene, state, view)
     emission = np.array([m.emissive for m in rows])
     shining = np.flatnonzero(emission.any(axis=1))
     area = 0.5 * np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
@@ -116,10 +109,6 @@ def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLig
     on, everywhere = np.flatnonzero(power), np.full(len(power), True)
     first, entries = cell_choice(grid.importance(positions[on], power[on], np.zeros(len(on)), everywhere[on]))
     entries[:, 1] = on[entries[:, 1].astype(int)]
-    of_group = np.add.reduceat(emitted, groups)
-    at = np.add.reduceat(emitted[:, None] * triangles[shining].mean(axis=1), groups) / of_group[:, None]
-    far = np.zeros(len(groups)), np.full(len(groups), True), np.add.reduceat(area[shining], groups)
-    emitter_cells = cell_choice(grid.importance(at, of_group, *far))
     sources = {"sky": np.asarray(options.pop("sky", (0.0, 0.0, 0.0)))}
     if options.pop("bidirectional", False):
         least = np.array([np.cos(light.outer_cone) if light.kind == "spot" else -1.0 for light in _lights(scene)])
@@ -140,7 +129,7 @@ def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLig
         CANDIDATES,
         shining,
         np.cumsum(emitted) / emitted.sum() if len(emitted) else np.zeros(0),
-        emitter_cells,
+        _emitter_cells(grid, groups, triangles[shining].mean(axis=1), emitted, area[shining]),
         group_size(len(shining)),
         **sources,
     )
@@ -151,6 +140,26 @@ def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLig
     material = SurfaceMaterial(frame["base_color"][shown][:, :3].astype(np.float64), m[:, 0], m[:, 1], m[:, 3])
     to_viewer = -points / np.linalg.norm(points, axis=1, keepdims=True)
     return trace(traced, points, normals, to_viewer, material, **options), shown
+
+
+def _triangles(scene: Scene, state: FrameState, view: View) -> tuple[Array, list[Material]]:
+    """Corners relative to the camera (T, 3, 3), and the material of each triangle."""
+    corners, rows = [], []
+    for node in scene.mesh_nodes.tolist():
+        for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
+            points = primitive.positions.astype(np.float64) @ state.world[node, :3, :3].T
+            points += state.world[node, :3, 3] - view.position
+            corners.append(points[primitive.triangles])
+            rows += [scene.materials[primitive.material]] * len(primitive.triangles)
+    return np.concatenate(corners), rows
+
+
+def _emitter_cells(grid: LightCells, groups: Array, centers: Array, power: Array, areas: Array) -> tuple[Array, Array]:
+    """``cell_choice`` of emitters (E,): at the mean place of a group by power, spread over its area."""
+    of_group = np.add.reduceat(power, groups)
+    at = np.add.reduceat(power[:, None] * centers, groups) / of_group[:, None]
+    everywhere = np.zeros(len(groups)), np.full(len(groups), True)
+    return cell_choice(grid.importance(at, of_group, *everywhere, np.add.reduceat(areas, groups)))
 
 
 def _lights(scene: Scene):
