@@ -42,7 +42,7 @@ VECTORS: dict[str, Callable[[Array], Array]] = {
     "": lambda v: v,
     "sign turned": lambda v: -v,
     "x and y swapped": lambda v: v[..., ::-1],
-    "x and y swapped, sign turned": lambda v: -v[..., ::-1],
+    "x and y swapped and sign turned": lambda v: -v[..., ::-1],
 }
 """Mistakes of a vector (..., 2) -> the vector without the mistake."""
 
@@ -95,7 +95,7 @@ def _answers(sums: Mapping[tuple[str, str], Array]) -> dict[str, str]:
     for check in dict.fromkeys(name for name, _ in sums):
         ratios = {mistake: (b + 1e-9) / (a + 1e-9) for (name, mistake), (a, b) in sorted(sums.items()) if name == check}
         least, excluded = min(ratios, key=ratios.get), [mistake for mistake in ratios if ratios[mistake] > 1 / CLEARER]
-        answer = f"right, excluded: {', '.join(excluded)}" if excluded else "not clear in these frames"
+        answer = f"right, excluded: {'; '.join(excluded)}" if excluded else "not clear in these frames"
         out[check] = f"wrong: {least}" if ratios[least] < CLEARER else answer
     return out
 
