@@ -181,12 +181,10 @@ def _sync(folder: int) -> None:
 
 
 def image_bytes(image: np.ndarray, form: str = "png", **options: Any) -> bytes:
-    """(h, w) or (h, w, 3 or 4) uint8 as an image file.  ``form`` and ``options``: as Pillow has them."""
-    from PIL import Image
+    """(h, w) or (h, w, 3 or 4) uint8 as an image file.  ``form``: its suffix; ``options``: as Pillow has them."""
+    import imageio.v3 as iio
 
-    data = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(image)).save(data, form, **options)
-    return data.getvalue()
+    return iio.imwrite("<bytes>", np.ascontiguousarray(image), extension=f".{form}", plugin="pillow", **options)
 
 
 def write_png(path: Path, image: np.ndarray) -> None:

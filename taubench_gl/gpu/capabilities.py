@@ -11,7 +11,7 @@ from typing import Any
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import probe_timer
 
-_LIBRARIES = ("moderngl", "glcontext", "numpy", "pyrr", "pygltflib", "msgspec", "OpenEXR", "matplotlib")
+_LIBRARIES = ("moderngl", "glcontext", "numpy", "pyrr", "imageio", "pygltflib", "msgspec", "OpenEXR", "matplotlib")
 _EXTRAS = ("DracoPy", "meshoptimizer", "glfw", "scipy")
 
 
