@@ -24,7 +24,7 @@ const uint INDIRECT_SAMPLE = 0x8000u; // samples of VPLs are numbered from here
 
 // -> diffuse and glossy lobe
 Lobes direct_sample(Surface s, vec3 p, vec3 g, vec4 u) {
-    int i = choose_light(u.x, S.counts.x, 0);
+    int i = choose_light(u.x, S.counts.x);
     LightRecord light = light_record(i);
     Incident in_light = incident(light, p);
     if (dot(g, in_light.l) <= 0.0) return Lobes(vec3(0.0), vec3(0.0));

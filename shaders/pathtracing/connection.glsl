@@ -5,8 +5,8 @@
 // probability here.  The balance heuristic weights both techniques, light by light, so the sum is unbiased.
 // Reference: references.path_tracing
 
-// Probabilities follow those of ``light_choice`` for punctual_ray: power times the solid angle that a light shines into.
-float subpath_choice(int row) { return light_choice[P.lights.x + row].y; }
+// Power times the solid angle that a light shines into.
+float subpath_choice(int row) { return light_choice[row].y; }
 
 // Cosine of the angle around its axis beyond which a light does not shine.
 float least_cosine(LightRecord light) {

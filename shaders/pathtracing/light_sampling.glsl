@@ -9,7 +9,6 @@
 #include "pathtracing/state.glsl"
 #include "common/brdf_sampling.glsl"
 #if PUNCTUAL
-#include "common/light_choice.glsl"
 #include "common/lights.glsl"
 #endif
 #include "common/environment.glsl"
@@ -57,6 +56,7 @@ float medium_towards(Surface s, vec3 g, vec3 l) { return dot(g, l) > 0.0 ? s.med
 
 #if PUNCTUAL
 #if BIDIRECTIONAL
+#include "common/light_choice.glsl"
 #include "pathtracing/connection.glsl"
 #endif
 

@@ -13,7 +13,7 @@ void main() {
     if (outside_tile(local)) return;
     vec4 u = sample_numbers_of(numbers_of(local), SUBPATH_VERTEX, SCATTER);
     SubpathEnd y;
-    y.row = choose_light(u.x, P.lights.x, P.lights.x);
+    y.row = choose_light(u.x, P.lights.x);
     LightRecord light = light_record(y.row);
     float cosine = mix(1.0, least_cosine(light), u.y), sine = sqrt(max(1.0 - cosine * cosine, 0.0)), around = 2.0 * PI * u.z;
     vec3 direction = normalize(basis_around(light.direction.xyz) * vec3(sine * cos(around), sine * sin(around), cosine));

@@ -92,7 +92,7 @@ LightSample sample_light(vec4 u) {
     LightSample r = LightSample(-1, u.yz, 0.0);
 #if PUNCTUAL
     if (u.x < PUNCTUAL_SHARE) {
-        r.light = choose_light(u.x / PUNCTUAL_SHARE, LIGHT_COUNT, 0);
+        r.light = choose_light(u.x / PUNCTUAL_SHARE, LIGHT_COUNT);
         r.density = PUNCTUAL_SHARE * light_choice[r.light].y;
     }
 #endif

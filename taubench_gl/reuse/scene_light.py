@@ -26,6 +26,7 @@ from taubench_gl.gpu.passes import bind_uses
 from taubench_gl.gpu.shader import resolve
 from taubench_gl.metrics.environment import CELLS
 from taubench_gl.metrics.lighting import MIN_ALPHA, MIN_LIGHT_DISTANCE
+from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.reuse.frame import input_texture
 from taubench_gl.settings import Settings
 
@@ -90,7 +91,7 @@ class SceneLight:
         for buffer in self._surfaces:
             buffer.clear()
         self._frame = owner.own(gpu.ctx.buffer(reserve=FRAME.dtype.itemsize))
-        self._no_choice = owner.own(gpu.ctx.buffer(bytes(8)))
+        self._choice = owner.own(gpu.ctx.buffer(reserve=8 * max(self._count, 1), dynamic=True))
         self._before = owner.own(LightTexture(gpu, self._count))
         self._rows: np.ndarray | None = None  # of the light table, in the frame before
         draws = self._attributes.resources["hit_draws"]
@@ -147,6 +148,7 @@ class SceneLight:
         on, was_on = (table["color"][: self._count, :3].any(axis=-1) for table in (rows, before_rows))
         self.born, self.gone = np.flatnonzero(on & ~was_on), np.flatnonzero(~on & was_on)
         self._before.write(before_rows)
+        self._choice.write(light_choice(rows["color"][: self._count, :3].max(axis=-1)).tobytes() or bytes(8))
         self._prev_draws.write(draws if self._draws is None else self._draws)
         self._rows, self._draws = rows, draws
         record = FRAME.zeros()
@@ -167,7 +169,7 @@ class SceneLight:
         self.resources = {
             **frame.tables, **self._attributes.resources, **self._structure.resources,
             "prev_light_table": self._before.texture,
-            "light_choice": frame.tables.get("light_choice", self._no_choice), "light_frame": self._frame,
+            "light_choice": self._choice, "light_frame": self._frame,
             "light_surfaces": now, "prev_light_surfaces": then, "prev_hit_draws": self._prev_draws,
         }  # fmt: skip
 

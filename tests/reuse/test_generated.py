@@ -22,7 +22,7 @@ from taubench_gl.scene.builder import SceneBuilder, quad
 
 W, H, FPS = 96, 12, 24
 SCALE = 10.0
-"""Pixels per meter."""
+"""Pixels that a meter on the wall covers in an image."""
 SLOPE = 0.02
 """Radiance of the wall per pixel to the right."""
 METHODS = ["extrapolate", "space-warp", "interpolate"]

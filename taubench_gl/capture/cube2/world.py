@@ -28,7 +28,7 @@ INSTALL = "apt-get install cube2 cube2-data"
 TEXTURE = 512
 """Most pixels a side of a texture."""
 MAX_LINES = 100_000
-"""Of all configurations of a map."""
+"""Most lines that are read of all configurations of a map together."""
 _EXEC, _NUMBER = re.compile(r'\s*exec\s+"?([^"\s]+)'), re.compile(r"-?(?:\d{1,6}\.?\d{0,6}|\.\d{1,6})")
 _TEXTURE = re.compile(r'\s*texture\s+"?(\w+)"?\s+"?(?:<[^>]*>)*([^"\s]+)"?(.*)')
 _FLIPS = np.array([[0, 0, 0], [0, 1, 1], [1, 1, 0], [1, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], bool)

@@ -253,7 +253,9 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
         p.glsl(f"const int SOURCE_KINDS[{len(kinds)}] = int[]({', '.join(map(str, kinds))});")
     p.use(lookup(spec, "sample_table", "rgba32ui"))
     if "punctual" in sources:
-        p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", filled=True)
+        p.glsl(LIGHT).use(lookup(spec, "light_table"))
+    if spec.bidirectional:
+        p.buffer("light_choice", "vec2", filled=True)
     if sources & {"punctual", "emitters"}:
         p.buffer("light_cells", "int", filled=True).buffer("light_entries", "vec2", filled=True)
     if image:
@@ -362,10 +364,8 @@ class PathTracing(Owner):
         self.tables["path_counts"].clear()
         self.tables["going_on_counts"].write(np.tile(np.uint32([0, 1, 1, 0]), 2 * path_lists(spec)).tobytes())
         self._odd_sample, self._rays = 0, range(0)  # shadow rays of a pixel before each dispatch of ``exact``
-        if "punctual" in spec.path_traced_sources:
-            count = max(len(spec.light_kinds), 1)
-            reserved = 8 * count * (1 + spec.bidirectional)
-            self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=reserved, dynamic=True)
+        if spec.bidirectional:
+            self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=8 * len(spec.light_kinds), dynamic=True)
         alpha_test, keep_previous = "alpha_mask" in spec.enabled, spec.shading.both_frames
         self.structure = self.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=keep_previous))
         self.attributes = self.own(HitAttributes(renderer, hit_options(spec)))
@@ -401,10 +401,8 @@ class PathTracing(Owner):
         if "light_choice" in self.tables:
             lights = frame.light_rows[: len(self._spec.light_kinds)]
             power = lights["color"][:, :3].max(axis=-1)
-            words = light_choice(power).tobytes()
-            if self._spec.bidirectional:
-                words += subpath_choice(power, lights["direction"][:, 3], lights["spot"]).tobytes()
-            self.tables["light_choice"].write(words or bytes(8))
+            choice = subpath_choice(power, lights["direction"][:, 3], lights["spot"])
+            self.tables["light_choice"].write(choice.tobytes())
         frame.light_grid = self._grid
         if "light_cells" in self.tables:
             self._place_lights(frame)

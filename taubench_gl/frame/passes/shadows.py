@@ -65,7 +65,7 @@ def shadow_maps(spec: FrameSpec) -> Sequence[Pass]:
 
 
 def moving_nodes(scene: Scene) -> Array:
-    """Nodes that an animation moves or hides, or bends by weights of its own, (N,) bool."""
+    """Nodes that a channel moves or hides, also one with constant values, or that are below such a node, (N,) bool."""
     nodes = scene.nodes
     moves = np.zeros(len(nodes.parent), dtype=bool)
     moves[[c.index for c in scene.channels if c.target == "node" and c.path != "weights"]] = True
