@@ -436,9 +436,8 @@ class _Evaluator:
         width, height = inputs.output_size
         kept = _EXACT_BYTES * width * height * len(self.frames)
         inputs.keeps_exact = len(self.seeds) > 1 and kept <= KEPT_REFERENCE_BYTES
-        same = (
-            inputs.size == inputs.output_size and not self._generates
-        )  # else methods that read the reference fail with its name
+        # Else methods that read the reference fail with its name.
+        same = inputs.size == inputs.output_size and not self._generates
         if REFERENCE_INPUT in method_reads and inputs.stereo:
             raise SettingsError("a method reads the reference, which the other eye lacks", hint="give --history frame")
         if REFERENCE_INPUT in method_reads and self._reference_texture is None and same:

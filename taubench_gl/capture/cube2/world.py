@@ -116,11 +116,8 @@ def read_textures(level: Level, files: Files, map_name: str) -> dict[int, Textur
 def _configured(files: Files, map_name: str) -> list[Texture]:
     """The textures of a map's configuration, after the default one."""
     out: list[Texture] = []
-    lines, left, in_material = (
-        [f"exec packages/base/{map_name}.cfg", "exec data/default_map_settings.cfg"],
-        MAX_LINES,
-        False,
-    )
+    lines = [f"exec packages/base/{map_name}.cfg", "exec data/default_map_settings.cfg"]
+    left, in_material = MAX_LINES, False
     while lines:
         line = lines.pop().partition("//")[0]
         if found := _EXEC.match(line):
