@@ -41,7 +41,7 @@ class Cost:
         seeds = case.request.seeds
         frame = (self.first + (seeds - 1) * self.pixel) / seeds * case.size[0] * case.size[1]
         begin = self.begin + (seeds - 1) * self.seed + traced
-        return Estimate(case.id, seeds * case.frames, frame, begin=begin)
+        return Estimate(case.id, seeds * case.evaluated_frames, frame, begin=begin)
 
 
 def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = lambda line: None) -> list[Estimate]:
@@ -55,7 +55,7 @@ def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = 
         case = unit.case
         kind = (case.scene.source, case.kind, case.request.reference_samples)
         if kind not in of_kind:
-            say(f"{case.id}: measuring {FRAMES} frames")
+            say(f"{case.id}: measuring a few frames")
             if not of_kind:
                 _measured(unit)  # a worker loads libraries once, not for every unit
             of_kind[kind] = _measured(unit)
@@ -88,8 +88,9 @@ def cost_of(times: Sequence[float], end: float, case: Case) -> Cost:
     """
     spent = [after - before for before, after in itertools.pairwise(times)]
     # Of the later frames of a seed: shaders are compiled.
-    first, frame = min(spent[1 : case.frames]), min(spent[-(case.frames - 1) :])
-    seed = spent[case.frames] - frame if case.request.seeds > 1 else 0.0
+    count = case.evaluated_frames
+    first, frame = min(spent[1:count]), min(spent[-(count - 1) :])
+    seed = spent[count] - frame if case.request.seeds > 1 else 0.0
     begin, pixels = spent[0] - first + end - times[-1], case.size[0] * case.size[1]
     return Cost(max(begin, 0.0), max(seed, 0.0), first / pixels, frame / pixels)
 
@@ -104,7 +105,7 @@ def _small(case: Case) -> Case:
         seeds=2 if case.kind.noisy or case.kind.path_samples else 1,
         reference=f"{PREFIX}{PART}" if traced else case.request.reference,
     )
-    frames = min(case.frames, FRAMES)
+    frames = min(case.frames, 3 * case.request.render_every if case.generated else FRAMES)
     few = replace(
         case, frames=frames, request=request, settings=case.settings.replace(frames=(case.first, case.first + frames))
     )

@@ -34,7 +34,7 @@ from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import EYE_INPUTS, FrameInputs, read_result
-from taubench_gl.reuse.generated import BASELINE, INTERPOLATE, GeneratedInputs, all_generate, latency
+from taubench_gl.reuse.generated import INTERPOLATE, LAST_RENDERED, GeneratedInputs, add_generated, all_generate
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import FrameRequest, Inputs, OtherEye, RasterInputs
 from taubench_gl.reuse.loading import MethodSpec, load_method, method_settings
@@ -79,6 +79,9 @@ errors of all methods up to this size, else those of fewer frames."""
 
 _EXACT_BYTES = 12
 """Bytes of the exact mask and motion of one pixel."""
+
+FACTS = ("title", "cite", "yardstick", "generates", "settings", "memory_bytes")
+"""What reuse.json tells about a method before its scores."""
 
 MAX_SEED = 65535
 
@@ -245,9 +248,7 @@ class _MethodRun:
     spec: MethodSpec
     record: MethodRecord
     method: Method | RecordedFrames | None = None  # None: it could not be loaded
-    entry: dict[str, Any] = field(  # of reuse.json, before any frame
-        default_factory=lambda: {"title": None, "cite": [], "yardstick": None, "settings": None, "memory_bytes": None}
-    )
+    entry: dict[str, Any] = field(default_factory=lambda: dict.fromkeys(FACTS) | {"cite": []})
     runner: MethodRunner | RecordedRunner | None = None
     eye: MethodRunner | None = None  # of the other eye, of a method that asks for both histories
     samples: SampleRecord | None = None  # of a method that samples lights
@@ -269,7 +270,7 @@ class _MethodRun:
         else:
             self.method = load_method(source)
             self.entry |= {"title": self.method.title, "cite": list(self.method.cite)}
-            self.entry["yardstick"] = self.method.yardstick
+            self.entry |= {"yardstick": self.method.yardstick, "generates": self.method.generates}
 
     def open(self, inputs: Inputs, seed: int) -> None:
         """The runner for ``inputs``, whose random numbers are those of ``seed``; one that is open begins again."""
@@ -376,8 +377,8 @@ class _Evaluator:
 
     def _load(self, specs: Sequence[MethodSpec]) -> list[_MethodRun]:
         """The loaded methods; beside those that generate frames the last rendered frame.  Raises SettingsError."""
-        request, fps = self._request, self._settings.sequence.fps
-        perceptual = open_perceptual(request.metrics, fps)
+        request, labels = self._request, [spec.label for spec in specs]
+        perceptual = open_perceptual(request.metrics, self._settings.sequence.fps)
 
         def load(spec: MethodSpec) -> _MethodRun:
             run = _MethodRun(spec, MethodRecord(spec.label, frozenset(request.metrics), True, perceptual=perceptual))
@@ -390,9 +391,7 @@ class _Evaluator:
         if self._generates:
             # The first intervals between rendered frames are left out.
             self.warmup *= request.render_every - 1
-            runs += [] if any(spec.label == BASELINE for spec in specs) else [load(MethodSpec(BASELINE, BASELINE))]
-            for run in runs:
-                run.entry["latency"] = run.method and latency(run.method, request.render_every, fps)
+            runs += [] if LAST_RENDERED in labels else [load(MethodSpec(LAST_RENDERED, LAST_RENDERED))]
         return runs
 
     @property
@@ -606,6 +605,9 @@ class _Evaluator:
         width, height = self._inputs.output_size
         scene, settings = self._input_request.scene, self._settings.replace(width=width, height=height)
         clock = PassTimer.clock
+        methods = {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs}
+        if self._generates:
+            add_generated(methods, self._request.render_every, settings.sequence.fps)
         described = self._inputs.describe()
         if described["seed"] is not None:
             described["seed"] = self.seeds[0]
@@ -630,7 +632,7 @@ class _Evaluator:
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
             "events": {name: doc for name, (*_, doc) in EVENTS.items()},
             "clock": clock,
-            "methods": {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs},
+            "methods": methods,
         } | self._sample_reasons()  # fmt: skip
 
     def _of_samples(self, run: _MethodRun) -> dict[str, Any]:

@@ -22,11 +22,17 @@ from taubench_gl.reuse.evaluate import Evaluation, evaluate_methods
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
-from taubench_gl.reuse.loading import BUILTIN, load_method
+from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
 
 Array = np.ndarray
+
+
+def frame_methods() -> list[str]:
+    """Names of the built-in methods that reuse shaded frames: they neither sample lights nor generate frames."""
+    methods = [load_method(name) for name in builtin_methods()]
+    return [method.name for method in methods if not method.own_light and method.generates is None]
 
 
 def still_steps(size: tuple[int, int], radiances: Iterable[Array]) -> list[Step]:
