@@ -413,10 +413,7 @@ def merged_summaries(named: Sequence[tuple[str, Summary]]) -> list[Summary]:
                 while text in methods:  # folders of one name
                     text += "'"
                 methods[text] = method
-        shared = group[0][1]
-        for _, summary in group:  # what only evaluations with methods that sample lights have
-            shared = {name: summary[name] for name in ("sample_reasons",) if name in summary} | shared
-        merged.append({**shared, "methods": methods})
+        merged.append({**group[0][1], "methods": methods})
     return merged
 
 
@@ -556,7 +553,7 @@ def reuse_html(
     images = images or ReuseImages(None, NO_IMAGES)
     data = _page_data(summary, rows)
     if images.data is not None:
-        text = f"{images.text} {MAPS}" if "sample_reasons" in summary else images.text
+        text = f"{images.text} {MAPS}" if any("samples" in m for m in summary["methods"].values()) else images.text
         data |= {"images": images.data, "viewer": _viewer_data(summary, rows, text)}
     name = summary["scene"]["name"]
     best = verdict(summary)

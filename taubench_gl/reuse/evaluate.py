@@ -227,8 +227,7 @@ def evaluate_methods(
 def _check_labels(labels: Sequence[str]) -> None:
     if not labels:
         raise SettingsError("there is no method to evaluate", hint="see 'taubench-gl reuse list'")
-    if len(set(labels)) < len(labels):
-        twice = next(label for label in labels if labels.count(label) > 1)
+    if twice := next((label for label in labels if labels.count(label) > 1), None):
         raise SettingsError(f"method {twice!r} is given twice", hint=TWICE)
 
 
@@ -366,7 +365,9 @@ class _Evaluator:
             self._reference = owner.own(SupersampledReference(of_camera, request.reference_samples))
         else:
             self._reference = FileReference(inputs, request.reference, self._inputs.output_size, self.frames)
-        self._events = EventTracker({} if inputs.scene is None else self._light_changes())
+        times = (frame / self._settings.sequence.fps for frame in self.frames)
+        lights = {} if inputs.scene is None else census(inputs.scene, times, inputs.animated.poser)["lights_per_frame"]
+        self._events = EventTracker(lights)
         for run in self.runs:
             owner.own(run)
         self._open_runners(self.seeds[0])
@@ -414,37 +415,28 @@ class _Evaluator:
             message = f"warmup is {self.warmup}, and there are {len(self.frames)} frames"
             raise SettingsError(message, hint="select more --frames or a smaller --warmup")
 
-    def _light_changes(self) -> dict[str, list[int]]:
-        """Numbers of lights that are born, moved and killed from each frame to the next."""
-        request = self._input_request
-        times = (frame / self._settings.sequence.fps for frame in self.frames)
-        return census(request.scene, times, request.animated.poser)["lights_per_frame"]
-
     def _open_inputs(self) -> None:
         request = self._input_request
         method_reads = {name for run in self.runs if isinstance(run.method, Method) for name in run.method.reads}
         reads, cuts = (method_reads | set(_EVALUATION_READS)) - {REFERENCE_INPUT}, self._request.cuts
+        traced = self._reference if request.kind.path_samples else None
         if self._generates:
             kinds = [run.method.generates for run in self.runs if run.method is not None]
-            exact = self._reference if request.kind.path_samples else None
-            inputs = GeneratedInputs(request, reads - {"exact_mask"}, kinds, self._request.render_every, exact)
+            inputs = GeneratedInputs(request, reads - {"exact_mask"}, kinds, self._request.render_every, traced)
         elif request.kind.files is not None:
             inputs = FileInputs(request, reads, cuts=cuts, exact=self._request.reference)
         else:
-            exact = self._reference if request.kind.path_samples else True
-            inputs = RasterInputs(request, reads, cuts=cuts, exact=exact)
-        self._inputs, self._eye = self._owner.own(inputs), None
-        if self._settings.metrics.history == "both":
-            self._eye = self._owner.own(OtherEye(inputs, cuts))
+            inputs = RasterInputs(request, reads, cuts=cuts, exact=traced or True)
+        self._inputs, both = self._owner.own(inputs), self._settings.metrics.history == "both"
+        self._eye = self._owner.own(OtherEye(inputs, cuts)) if both else None
         self.frames = inputs.frames
         width, height = inputs.output_size
         kept = _EXACT_BYTES * width * height * len(self.frames)
         inputs.keeps_exact = len(self.seeds) > 1 and kept <= KEPT_REFERENCE_BYTES
-        # Else methods that read the reference fail with its name.
-        same = inputs.size == inputs.output_size
         if REFERENCE_INPUT in method_reads and inputs.stereo:
             raise SettingsError("a method reads the reference, which the other eye lacks", hint="give --history frame")
-        if REFERENCE_INPUT in method_reads and self._reference_texture is None and same:
+        # Else methods that read the reference fail with its name.
+        if REFERENCE_INPUT in method_reads and inputs.size == inputs.output_size:
             self._reference_texture = self._owner.own(inputs.gpu.texture(inputs.size))
 
     def _open_runners(self, seed: int) -> None:
@@ -633,18 +625,13 @@ class _Evaluator:
             "events": {name: doc for name, (*_, doc) in EVENTS.items()},
             "clock": clock,
             "methods": methods,
-        } | self._sample_reasons()  # fmt: skip
+            "sample_reasons": {name: doc for name, (*_, doc) in REASONS.items()},
+        }  # fmt: skip
 
     def _of_samples(self, run: _MethodRun) -> dict[str, Any]:
         """The block of a method that samples lights."""
         measured = run.samples is not None and run.record.failed is None
         return {"samples": run.samples.summary()} if measured else {}
-
-    def _sample_reasons(self) -> dict[str, Any]:
-        """What the reasons of blocks ``samples`` mean, where a method has one."""
-        if all(run.samples is None for run in self.runs):
-            return {}
-        return {"sample_reasons": {name: doc for name, (*_, doc) in REASONS.items()}}
 
 
 def _nearest(image: Array, size: tuple[int, int]) -> Array:

@@ -115,7 +115,7 @@ class GeneratedInputs(GpuOwner):
         self._now = self._source.advance(frame - 1)
         if self._ahead is not None and self._end is None:
             self._end = self._ahead.advance(frame - 1)
-        return replace(self._now, next_rendered=self._end)
+        return self._displayed(frame - 1)
 
     def advance(self, frame: int) -> FrameInputs:
         """The inputs of the generated ``frame``; textures are valid until the next rendered one."""
@@ -127,7 +127,11 @@ class GeneratedInputs(GpuOwner):
         view = self._exact.advance(frame)
         self._masks.run(reprojection(view.centered(), before.centered(), *self.size), 0)
         camera = self.request.animated.view_at(frame / self.settings.sequence.fps)
-        change = {"index": frame - self.frames[0] + 1, "phase": step / self._every, "shown": camera}
+        return self._displayed(frame, phase=step / self._every, shown=camera)
+
+    def _displayed(self, frame: int, **change: Any) -> FrameInputs:
+        """The inputs of the last rendered frame, and beside them of the next one, as those of ``frame``."""
+        change["index"] = frame - self.frames[0] + 1
         return replace(self._now, **change, next_rendered=self._end and replace(self._end, **change))
 
     def shading_ms(self) -> float | None:
