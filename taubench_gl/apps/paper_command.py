@@ -26,7 +26,7 @@ def paper(
 ) -> int:
     """Measure the paper's Tables 1 to 4 and redraw its Figures 1 and 2, beside the paper's numbers.
 
-    SCENE names scenes of the paper, such as eternal-valley-fps; all by default.  A scene that 'scenes get' downloaded
+    SCENE names scenes of the paper, such as eternal-valley-fps; all by default.  A scene that 'scenes get' unpacked
     is measured; else its stand-in, if it has one, and every row says so.  Camera activity is at 60 frames a second,
     images are at 24 and 60.  From datasets, one set of thresholds for all scenes is fitted to the paper's Table 4.
 

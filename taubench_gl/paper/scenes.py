@@ -86,7 +86,7 @@ def _find(name: str, entry: Entry, resolve: Resolver) -> PaperScene:
         environment = {key: settings[key] for key in ("environment",) if key in settings}
         return PaperScene(name, row, DATASET, path, settings, activity | environment)
     if name not in STAND_INS:
-        hint = f"taubench-gl scenes get {name}, with --from FILE for a local file"
+        hint = f"taubench-gl scenes get {name} --from FILE"
         raise DatasetError("is not in the cache and has no stand-in", where=name, hint=hint)
     rates = {"fps": entry.fps} if entry.fps is not None else {}
     return PaperScene(name, row, STAND_IN, str(scene_file(SceneRecipe(name))), rates, {"fps": activity["fps"]}, FITTED)

@@ -27,7 +27,7 @@ LEFT_OUT = {
     r"^view|--view": "opens a window: tests/viewer",
     r"^convert|^reference render|\.(fbx|zip)\b": "needs Blender, or a file that may not be shipped: tests/pathtraced, "
     "tests/datasets",
-    r"bart-museum|^scenes get": "downloads: tests/datasets",
+    r"bart-museum|^scenes get": "files of the user: tests/datasets",
     r"^reference clear \w": "the key of an example: tests/pathtraced",
     r"^evaluate valley.glb": "the stand-in takes minutes: tests/datasets",
     r"exr:(engine|one-sample)|--mapping falcor": "reads renderings of other programs: tests/pathtraced, tests/reuse",
