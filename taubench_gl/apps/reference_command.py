@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Any
 import click
 
 from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, option_group
-from taubench_gl.apps.screen import StatusLine, show_json, show_notes
+from taubench_gl.apps.screen import TABLE_FORMATS, StatusLine, show_json, show_notes, show_tables
 from taubench_gl.errors import SettingsError
-from taubench_gl.fields import REQUIRED, setting
+from taubench_gl.fields import REQUIRED, one_of, setting
 from taubench_gl.option_groups import RenderOptions
 from taubench_gl.settings import FIXED_LIGHTING, OUTPUT, Settings
 
@@ -115,7 +114,7 @@ def compare(
     second: str,
     *,
     as_json: bool = AS_JSON,
-    out: Path | None = setting(None, "Also write text, JSON, HTML and an image", group=OUTPUT, metavar="DIR"),
+    form: str = setting("text", "Format of the tables", one_of(TABLE_FORMATS), flag="--format"),
 ) -> None:
     """Compare RUN with REFERENCE, two folders written by 'taubench-gl evaluate --out'.
 
@@ -126,19 +125,18 @@ def compare(
       taubench-gl evaluate scene.glb --size 320x180 --out raster --save masks,channels
       taubench-gl evaluate exr:renders --out traced --save masks,channels
       taubench-gl reference compare raster traced
-      taubench-gl reference compare raster traced --out comparison
+      taubench-gl reference compare raster traced --format html > comparison.html
+
+    A page that shows both runs side by side: 'taubench-gl report RUN REFERENCE --out both.html'.
     """
-    from taubench_gl.pathtraced.compare import compare_runs, save_comparison
-    from taubench_gl.pathtraced.compare_report import comparison_text
+    from taubench_gl.pathtraced.compare import compare_runs
+    from taubench_gl.pathtraced.compare_report import comparison_tables
 
     result = compare_runs(first, second)
     if as_json:
         show_json(result)
     else:
-        click.echo("\n".join(comparison_text(result)))
-    if out is not None:
-        save_comparison(result, out)
-        click.echo(f"written to {out}{os.sep}", err=as_json)
+        show_tables(comparison_tables(result), form)
 
 
 @command("list")

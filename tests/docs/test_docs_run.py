@@ -68,7 +68,7 @@ FIRST = {
     r"\breuse-b\b": ["reuse evaluate scene.glb --methods none,taa_clamp --out reuse-b"],
     r"^inspect nss": ["export scene.glb --out nss --format nss --input jittered+upscale@2 --reference max"],
     r"exr:frames": ["export scene.glb --out frames --format exr"],
-    r"^reference compare": [
+    r"^reference compare|^report raster": [
         "evaluate scene.glb --out raster --save masks,channels",
         "export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks",
         "evaluate exr:frames --out traced --save masks,channels",
