@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -20,19 +21,26 @@ MAX_INSPECTED = 10_000
 
 
 @command(settings=option_group(only=("scene", "animation", "strict", "fps", "unit_scale")))
-@click.argument("path", metavar="SCENE")
-def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> None:
+@click.argument("path", metavar="SCENE|DIR")
+def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> int | None:
     """Print what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
 
-    Draws only to meter the exposure, which comes last and is not printed where there is no OpenGL.
+    Draws only to meter the exposure, which comes last and is not printed where there is no OpenGL.  Of an export DIR of
+    format nss or noisebase: its arrays, and whether motion, depth, offsets, positions and light agree; the exit code is
+    1 if something is wrong.
 
     Examples:
       taubench-gl inspect scene.glb
       taubench-gl inspect scene.gltf --animation walk --json
+      taubench-gl inspect nss
     """
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.scene import load_scene
 
+    if (Path(path) / "export.json").is_file():
+        from taubench_gl.export.sequence_check import inspect_export
+
+        return _show_export(inspect_export(Path(path)), as_json)
     path, row = resolve(path, settings.sequence.animation)
     settings = settings.replace(**row_settings(row))
     scene = load_scene(path, **settings.sequence.reading)
@@ -43,6 +51,15 @@ def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> None:
     _show(contents)
     click.get_text_stream("stdout").flush()  # metering a large scene takes a while
     show_pairs("Exposure", {"of every evaluation": _exposure_text(**metered_exposure(scene, settings))})
+
+
+def _show_export(found: dict[str, dict[str, Any]], as_json: bool) -> int:
+    """Print the contents and checks of an export for learning; 1 if something is wrong, else 0."""
+    if as_json:
+        show_json(found)
+    for heading, pairs in {} if as_json else found.items():
+        show_pairs(heading.capitalize().replace("_", " "), pairs)
+    return int(any(text.startswith("wrong") for text in found["checks"].values()))
 
 
 def describe(scene: Scene, settings: Settings) -> dict[str, Any]:

@@ -132,6 +132,15 @@ class NpzWriter(_PerFrame):
         write_arrays(self.path(frame.number), arrays | {"frame": frame.number, "time_s": frame.time_s})
 
 
+def zarr_module() -> Any:
+    """The package zarr.  Raises SettingsError where it is not installed."""
+    try:
+        import zarr
+    except ImportError:
+        raise SettingsError("zarr is not installed", hint="pip install 'taubench-gl[export]'") from None
+    return zarr
+
+
 class ZarrWriter(Writer):
     """Zarr v3 group ``frames.zarr``: one array (N, h, w, components) per channel, one chunk per frame.
 
@@ -143,10 +152,7 @@ class ZarrWriter(Writer):
         self._group: Any = None
 
     def prepare(self) -> None:
-        try:
-            import zarr
-        except ImportError:
-            raise SettingsError("zarr is not installed", hint="pip install 'taubench-gl[export]'") from None
+        zarr = zarr_module()
         with _writing(self.path):
             folder_in(self.path.parent, self.path.name)
             self._open(zarr)

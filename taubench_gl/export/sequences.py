@@ -32,8 +32,8 @@ SKY_DISTANCE = 1e5
 RGBE_RANGE = 20.0
 """Natural logarithm of the brightest over the darkest exponent of an RGBE image: darker than 2e-9 of it is 0."""
 
-TYPES = {np.dtype("<f4"): "F32", np.dtype("<i4"): "I32", np.dtype("?"): "BOOL"}
-"""Type -> its name in a safetensors file."""
+TYPES = {"F32": np.dtype("<f4"), "I32": np.dtype("<i4"), "BOOL": np.dtype("?")}
+"""Name in a safetensors file -> type."""
 
 
 class SequenceWriter(NpzWriter):
@@ -131,8 +131,8 @@ class NssWriter(SequenceWriter):
         header = {"__metadata__": self.about() | {"Length": str(len(frames))}}
         for name in names:
             one = next(self.read(name, frames))
-            end = start + len(frames) * one.nbytes
-            header[name] = {"dtype": TYPES[one.dtype], "shape": [len(frames), *one.shape], "data_offsets": [start, end]}
+            end, kind = start + len(frames) * one.nbytes, next(kind for kind in TYPES if TYPES[kind] == one.dtype)
+            header[name] = {"dtype": kind, "shape": [len(frames), *one.shape], "data_offsets": [start, end]}
             start = end
         text = json.dumps(header).encode()
         text += b" " * (-len(text) % 8)

@@ -22,7 +22,7 @@ from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError
 from taubench_gl.export.formats import Writer
 from taubench_gl.export.frames import ExportFrame, extrinsics
-from taubench_gl.outputs import image_bytes, write_atomically
+from taubench_gl.outputs import replacing, write_atomically
 
 Array = np.ndarray
 TAG = 202021.25
@@ -77,11 +77,10 @@ class SintelWriter(Writer):
             )
         for kind, path in self._paths(frame.number).items():
             if kind == "clean":
-                write_atomically(path, image_bytes(_to_bytes(frame.channels["color"])), parents=True)
+                _write_png(path, _to_bytes(frame.channels["color"]))
             elif kind in ("occlusions", "invalid"):
                 hidden, invalid = masks_of(frame.channels["mask_forward"][..., 0])
-                shown = 255 * (hidden if kind == "occlusions" else invalid).astype(np.uint8)
-                write_atomically(path, image_bytes(shown), parents=True)
+                _write_png(path, 255 * (hidden if kind == "occlusions" else invalid).astype(np.uint8))
             elif kind == "flow":
                 write_atomically(path, flo_bytes(frame.channels["motion_forward"]), parents=True)
             elif kind == "depth":
@@ -104,3 +103,10 @@ def masks_of(reasons: Array) -> tuple[Array, Array]:
 
 def _to_bytes(color: Array) -> Array:
     return np.clip(np.nan_to_num(color[..., :3]) * 255.0 + 0.5, 0, 255).astype(np.uint8)
+
+
+def _write_png(path: Path, pixels: Array) -> None:
+    from PIL import Image
+
+    with replacing(path, parents=True) as partial:
+        Image.fromarray(pixels).save(partial, format="PNG")

@@ -66,6 +66,7 @@ FIRST = {
     r"\breuse-results\b": ["reuse evaluate scene.glb --methods none,accumulate --out reuse-results"],
     r"\breuse-a\b": ["reuse evaluate scene.glb --methods none,accumulate --out reuse-a"],
     r"\breuse-b\b": ["reuse evaluate scene.glb --methods none,taa_clamp --out reuse-b"],
+    r"^inspect nss": ["export scene.glb --out nss --format nss --input jittered+upscale@2 --reference max"],
     r"exr:frames": ["export scene.glb --out frames --format exr"],
     r"^reference compare|^report raster": [
         "evaluate scene.glb --out raster --save masks,channels",

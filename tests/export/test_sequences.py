@@ -1,8 +1,9 @@
-"""Data of learning: files of the formats nss and noisebase against closed forms."""
+"""Data of learning: files of the formats nss and noisebase against closed forms, and what ``inspect`` finds in them."""
 
 from __future__ import annotations
 
 import json
+import shutil
 import zipfile
 
 import numpy as np
@@ -12,6 +13,7 @@ from learning_scenes import NEAR, STEPS, WALL, YFOV, moving, pose, previous_pixe
 
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.run import export_scene
+from taubench_gl.export.sequence_check import inspect_export
 from taubench_gl.export.sequences import rgbe
 from taubench_gl.option_groups import ExportOptions, TrainingOptions
 
@@ -170,6 +172,9 @@ def test_cuts_flag_frames_and_part_files(tmp_path, monkeypatch):
     files = sorted((tmp_path / "noisebase").glob("*.zip"))
     assert [len(zipped(path)[0]["position"]) for path in files] == [5, 4]
     np.testing.assert_allclose(zipped(files[1])[0]["camera_position"][0], pose("pan", 5)[0] + [9, 0, 0], atol=1e-5)
+    for folder in ("nss", "noisebase"):
+        checks = inspect_export(tmp_path / folder)["checks"]
+        assert not any(text.startswith("wrong") for text in checks.values()), checks
 
 
 # ------------------------------------------------------------------------------------------------------ resume, errors
@@ -189,6 +194,8 @@ def test_a_killed_export_continues(tmp_path):
     assert len(list((tmp_path / "a").glob("frame_*.npz"))) == 3 and not list((tmp_path / "a").glob("*.safetensors"))
     with pytest.raises(OutputError):
         export_scene(scene, tmp_path / "a", chosen.replace(exposure=2.0), options)
+    with pytest.raises(OutputError):
+        inspect_export(tmp_path / "a")
     done = export_scene(scene, tmp_path / "a", chosen, options)
     assert (done.written, done.kept) == (2, 3)
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == [
@@ -228,5 +235,103 @@ def test_the_command_writes_them(taubench, tmp_path, fixed_light):
     assert code == 0, err
     found, text = tensors(tmp_path / "nss")
     assert found["colour_linear"].shape == (3, 3, 9, 16) and text["Length"] == "3"
+    assert taubench("inspect", tmp_path / "nss")[0] == 0
+    code, _, err = taubench(
+        "export", DEMO, "--out", tmp_path / "npz", "--format", "npz", "--channels", "depth", *common
+    )
+    assert code == 0, err
+    code, _, err = taubench("inspect", tmp_path / "npz")
+    assert code == 2 and "npz" in err
     code, _, err = taubench("export", DEMO, "--out", tmp_path / "no", "--format", "noisebase", *common)
     assert code == 2 and "--reference" in err and not (tmp_path / "no").exists()
+
+
+# ------------------------------------------------------------------------------------------------------------- inspect
+@pytest.mark.parametrize("format", SIZES)
+@pytest.mark.parametrize("kind", STEPS)
+def test_inspect_finds_nothing_wrong(exports, taubench, format, kind):
+    code, out, _ = taubench("inspect", exports(format, kind))
+    assert code == 0 and format in out
+    found = json.loads(taubench("inspect", exports(format, kind), "--json")[1])
+    moved, before = found["psnr_db"]["frame_before_moved"], found["psnr_db"]["frame_before"]
+    assert moved > before + 3.0
+    right = {check for check, text in found["checks"].items() if text.startswith("right")}
+    expected = {"motion", "motion_lr", "jitter", "exposure"} if format == "nss" else {"position", "exposure"}
+    assert expected <= right and ("depth" in right) == (format == "nss" and kind != "turn")
+
+
+def planted(folder, out, changes):
+    """A copy of an export of format nss with changed tensors."""
+    shutil.copytree(folder, out)
+    (path,) = out.glob("*.safetensors")
+    data = bytearray(path.read_bytes())
+    size = 8 + int.from_bytes(data[:8], "little")
+    header, (found, _) = json.loads(data[8:size]), read_safetensors(path)
+    for name, change in changes.items():
+        first, last = (size + n for n in header[name]["data_offsets"])
+        data[first:last] = np.ascontiguousarray(change(found[name]), dtype=found[name].dtype).tobytes()
+    path.write_bytes(data)
+    return out
+
+
+FAULTS = {
+    "sign": ("motion", {"motion": lambda v: -v}),
+    "order": ("motion", {"motion": lambda v: v[:, ::-1]}),
+    "sign of the input": ("motion_lr", {"motion_lr": lambda v: -v}),
+    "order of the input": ("motion_lr", {"motion_lr": lambda v: v[:, ::-1]}),
+    "jitter sign": ("jitter", {"jitter": lambda v: -v}),
+    "jitter order": ("jitter", {"jitter": lambda v: v[:, ::-1]}),
+    "exposure of one image": ("exposure", {"colour_linear": lambda v: v / EXPOSURE}),
+    "exposure twice": ("exposure", {"exposure": lambda v: v + np.log(EXPOSURE)}),
+    "depth": ("depth", {"depth": lambda v: 1 - v}),
+    "not finite": ("depth", {"depth": lambda v: np.where(v == 1, np.inf, v)}),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("kind", STEPS)
+def test_inspect_finds_planted_faults(exports, taubench, tmp_path, kind, fault):
+    check, changes = FAULTS[fault]
+    found = planted(exports("nss", kind), tmp_path / "out", changes)
+    code, out, _ = taubench("inspect", found, "--json")
+    checks = json.loads(out)["checks"]
+    if fault == "depth" and kind == "turn":  # depth has no effect on the motion of a camera that turns
+        assert code == 0 and checks["depth"].startswith("not clear")
+    else:
+        assert code == 1 and checks[check].startswith("wrong"), checks
+        assert [name for name, text in checks.items() if text.startswith("wrong")] == [check]
+
+
+ZIP_FAULTS = {
+    "relative positions": ("position", "position", lambda v, all: v - all["camera_position"][:, :, None, None, None]),
+    "rows": ("position", "position", lambda v, all: v[:, :, ::-1]),
+    "order": ("position", "position", lambda v, all: v[:, [0, 2, 1]]),
+    "exposure": ("exposure", "exposure", lambda v, all: v / np.log(2)),
+    "color": ("exposure", "reference", lambda v, all: v / EXPOSURE),
+}
+
+
+@pytest.mark.parametrize("fault", ZIP_FAULTS)
+def test_inspect_finds_planted_faults_of_noisebase(exports, tmp_path, fault):
+    check, name, change = ZIP_FAULTS[fault]
+    shutil.copytree(exports("noisebase", "pan"), tmp_path / "out")
+    path = tmp_path / "out" / "scene0000.zip"
+    arrays, _ = zipped(path)
+    wrong = change(arrays[name], arrays).astype(arrays[name].dtype)
+    with zipfile.ZipFile(path) as file:
+        entries = {entry: file.read(entry) for entry in file.namelist()}
+    with zipfile.ZipFile(path, "w") as file:
+        for entry, data in entries.items():
+            number = entry.removeprefix(f"{name}/").partition(".")[0]
+            file.writestr(entry, wrong[int(number)].tobytes() if entry.startswith(f"{name}/") and number else data)
+    assert inspect_export(tmp_path / "out")["checks"][check].startswith("wrong")
+
+
+def test_damaged_files_are_one_line(exports, taubench, tmp_path):
+    for format, name in (("nss", "*.safetensors"), ("noisebase", "*.zip")):
+        for cut in (4, 300, -200):
+            out = shutil.copytree(exports(format, "pan"), tmp_path / f"{format}{cut}")
+            (path,) = out.glob(name)
+            path.write_bytes(path.read_bytes()[:cut])
+            code, _, err = taubench("inspect", out)
+            assert code == 2 and "damaged" in err and len(err.strip().splitlines()) == 1
