@@ -125,18 +125,15 @@ def parse_registry(text: str, where: str) -> dict[str, Entry]:
     return out
 
 
-def known_name(entries: dict[str, Entry], name: str) -> str:
-    """The registry's spelling of ``name``, which may be the paper's (BistroInterior).  Raises DatasetError."""
+def find_entry(entries: dict[str, Entry], name: str) -> tuple[str, Entry]:
+    """The registry's name and entry of a scene.  ``name``: also as the paper spells it, BistroInterior.
+
+    Raises DatasetError.
+    """
     alike = [name] if name in entries else [entry for entry in entries if _letters(entry) == _letters(name)]
     if len(alike) != 1:
         raise DatasetError(f"no scene is named {name!r}", hint=f"known: {', '.join(sorted(entries))}")
-    return alike[0]
-
-
-def find_entry(entries: dict[str, Entry], name: str) -> tuple[str, Entry]:
-    """The registry's name and entry of a scene.  Raises DatasetError."""
-    entry_name = known_name(entries, name)
-    return entry_name, entries[entry_name]
+    return alike[0], entries[alike[0]]
 
 
 def _check(entry: Entry, at: str) -> None:

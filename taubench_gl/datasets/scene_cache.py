@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 import msgspec
 
 from taubench_gl.data_files import hashed, opened, read_json
-from taubench_gl.datasets.registry import VARIABLE, Entry, known_name, load_registry
+from taubench_gl.datasets.registry import VARIABLE, Entry, find_entry, load_registry
 from taubench_gl.errors import DatasetError
 from taubench_gl.memory_budget import limit, over, shown_bytes
 from taubench_gl.outputs import copy_atomically, make_folders, remove_folders, write_atomically
@@ -186,14 +186,13 @@ def find_named(text: str, cache: Path | None = None) -> CachedScene | None:
     name = text.removeprefix(PREFIX)
     if name == text and (not text or Path(text).suffix or os.sep in text or ":" in text or os.path.lexists(text)):
         return None
-    entries = registry_entries()
     try:
-        name = known_name(entries, name)
+        name, entry = find_entry(registry_entries(), name)
     except DatasetError:
         if text.startswith(PREFIX):
             raise
         return None
-    return CachedScene(name, entries[name], cache)
+    return CachedScene(name, entry, cache)
 
 
 def scene_text(cached: CachedScene) -> str:
