@@ -39,14 +39,13 @@ def test_rows_and_verdict(run):
     code, out, _ = run("--backend", "egl", "--only", "camera")
     assert code == 0
     assert "pass  angle-wrap" in out and "cases passed" in out
-    assert "|359 - 1|: 358" in out
 
 
 def test_failed_case_gives_exit_code_1_and_does_not_stop_the_others(run, broken):
     code, out, _ = run("--backend", "egl", "--only", "made-up-", "--only", "angle-wrap")
     assert code == 1
     assert "FAIL  made-up-wrong" in out and "FAIL  made-up-nan" in out and "pass  angle-wrap" in out
-    assert "ZeroDivisionError: oops" in out
+    assert "ZeroDivisionError: oops" in out and out.count("common failure: failure") == 3
     assert "3 of 4 cases FAILED" in out
 
 
