@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
 from taubench_gl.apps.options import AS_JSON, Commands, command
-from taubench_gl.apps.screen import StatusLine, note, show_json, show_list
+from taubench_gl.apps.progress import ProgressBar
+from taubench_gl.apps.screen import note, show_json, show_list
 from taubench_gl.fields import setting
 
 STAND_IN_NAMES = ("eternal-valley-fps", "eternal-valley-vr")
@@ -121,7 +121,8 @@ def get(
     if source is not None:
         path = cached.take(source, scene)
     else:
-        path = cached.get(url, _bytes_line() if sys.stderr.isatty() else None, scene)
+        with ProgressBar(name, "MiB") as bar:
+            path = cached.get(url, lambda have, whole: bar.step(have >> 20, (whole or have) >> 20, ""), scene)
     click.echo(path)
     if entry.format in ("fbx", "blend"):
         note("the first evaluation converts it with Blender as a Python module (see: convert --help)")
@@ -145,17 +146,6 @@ def verify(name: str, *, registries: tuple[Path, ...] = REGISTRIES, cache: Path 
     record, scene = CachedScene(*find_entry(_entries(registries), name), cache).verify()
     click.echo(f"{record.file}: {record.bytes} bytes, sha256 {record.sha256}, unchanged")
     click.echo(scene)
-
-
-def _bytes_line() -> Callable[[int, int | None], None]:
-    """A callback that shows the progress of a download."""
-    line = StatusLine()
-
-    def show_bytes(have: int, whole: int | None) -> None:
-        share = f"{100 * have / whole:5.1f} %" if whole else ""
-        line(f"{have >> 20} MiB {share}", passing=whole is None or have < whole)
-
-    return show_bytes
 
 
 @command()
