@@ -22,9 +22,6 @@ from peers import Peer
 
 Array = np.ndarray
 
-SKY_DISTANCE = 100.0
-"""Meters from the camera to the sky: their code has no pixels without a surface, and squares of positions must fit 16
-bits."""
 COPIED_INPUT = (
     (r"(__global float\* restrict current_noisy,)(\s+const __global float\* restrict previous_noisy)",
      r"\1 const __global float* restrict new_noisy,\2"),
@@ -37,7 +34,7 @@ SAME_BLOCKS = (r"BLOCK_OFFSETS\[frame_number % BLOCK_OFFSETS_COUNT\]", "(int2){1
 """Replacement in their kernels: blocks in every frame as with ``bmfr@shift_blocks=false``."""
 
 
-def their_inputs(frame: dict[str, Any], shift: float = 0.0) -> dict[str, Array]:
+def their_inputs(frame: dict[str, Any], shift: float = 0.0, sky_distance: float = 30.0) -> dict[str, Array]:
     """The inputs of their program from those of a Python method: images (h, w, 3), row 0 at the bottom.
 
     ``noisy``: illumination, radiance without emission over ``albedo``; ``normal``, ``position``: world, meters, plus
@@ -49,7 +46,7 @@ def their_inputs(frame: dict[str, Any], shift: float = 0.0) -> dict[str, Array]:
     pair, view, before = frame["pair"], frame["view"], frame["prev_view"]
     x, up = np.meshgrid(np.arange(width), np.arange(height - 1, -1, -1))
     ray = (pair.sky_origin + x[..., None] * pair.sky_dx + up[..., None] * pair.sky_dy)[..., :3]
-    sky = ray * (SKY_DISTANCE / np.linalg.norm(ray, axis=-1, keepdims=True))
+    sky = ray * (sky_distance / np.linalg.norm(ray, axis=-1, keepdims=True))
     albedo = np.where(surface, np.maximum(frame["base_color"][..., :3].astype(np.float64), 0.01), 1.0)
     light = frame["radiance"][..., :3] - np.where(surface, frame["exposure"] * frame["emission"][..., :3], 0.0)
     to_previous = np.eye(4)
@@ -79,6 +76,7 @@ class AuthorsBmfr:
         "shift_blocks": {"default": True, "doc": "the published offsets; false: the blocks of bmfr@shift_blocks=false"},
         "separate_input": {"default": False, "doc": "pixels mirrored at the border read the new samples"},
         "shift": {"default": 0.0, "min": -100.0, "max": 100.0, "doc": "meters added to each world coordinate"},
+        "sky_distance": {"default": 30.0, "min": 1.0, "max": 200.0, "doc": "meters; their code has no sky"},
         "group": {"default": 8, "min": 1, "max": 32, "doc": "width and height of work groups"},
     }
 
@@ -102,8 +100,24 @@ class AuthorsBmfr:
             raise RuntimeError(self._peer.missing)
 
     def step(self, frame):
-        images = self._peer.ask(**their_inputs(frame, self._settings["shift"]))
+        images = self._peer.ask(**their_inputs(frame, self._settings["shift"], self._settings["sky_distance"]))
         encoded = images["result" if self._settings["taa"] else "shown"][::-1]
         linear = np.maximum(encoded, 0.0) ** 2.2  # the box of the anti-aliasing, in YCoCg, has negative colors
         surface = frame["position"][..., 3:] > 0
         return linear + np.where(surface, frame["exposure"] * frame["emission"][..., :3], 0.0)
+
+
+class Surfaces:
+    """What each pixel shows, as an image: 0 sky, 1 a still surface, 2 one that moved by more than a millimeter."""
+
+    name = "surfaces"
+    reads = ("position", "prev_position")
+
+    def __init__(self, size, settings):
+        pass
+
+    def step(self, frame):
+        moved = frame["prev_position"][..., :3] - frame["position"][..., :3] - frame["camera_delta"]
+        surface = frame["position"][..., 3:] > 0
+        kind = np.where(np.linalg.norm(moved, axis=-1, keepdims=True) > 1e-3, 2.0, 1.0)
+        return np.where(surface, kind, 0.0) * np.ones(3)
