@@ -6,6 +6,7 @@ A folder ``images`` next to the results holds files of each recorded frame, and 
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,7 +16,7 @@ from typing import Annotated, Any, Self
 import msgspec
 import numpy as np
 
-from taubench_gl.data_files import hashed, read_json
+from taubench_gl.data_files import hashed, read_bytes, read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import cannot_write, folder_in, image_bytes, write_atomically
 
@@ -23,6 +24,8 @@ Array = np.ndarray
 
 FOLDER = "images"
 INDEX = "index.json"
+UNREADABLE = f"{FOLDER}/{INDEX} cannot be read"
+"""Reason of ``read_index`` for an index that is there and damaged."""
 MAX_WIDTH = 640
 """Largest width stored.  Wider frames keep every k-th pixel of the mask and the mean of k x k pixels of the frame."""
 MAX_KEPT = 120
@@ -185,8 +188,20 @@ def read_index(out: Path | None, schema: str, kind: type, absent: str) -> tuple[
         if index.rows_sha256 != file_sha256(out / "frames.csv"):
             return None, "the images in its folder belong to another evaluation"
     except OutputError:
-        return None, f"{FOLDER}/{INDEX} cannot be read"
+        return None, UNREADABLE
     return index, ""
+
+
+def image_size(path: Path) -> tuple[int, int] | None:
+    """Width and height of an image file; None where it cannot be decoded to its last row."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(read_bytes(path))) as image:
+            image.load()
+            return image.size
+    except (OSError, ValueError, SyntaxError, OutputError):  # Pillow raises SyntaxError for a broken PNG
+        return None
 
 
 def _is_whole(path: Path, digest: str | None) -> bool:

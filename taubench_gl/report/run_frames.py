@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import zlib
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ import msgspec
 import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE
-from taubench_gl.data_files import read_bytes
+from taubench_gl.data_files import read_bytes, read_csv, read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.outputs import image_bytes, write_atomically
@@ -34,9 +35,11 @@ from taubench_gl.report.distance_planes import (
 )
 from taubench_gl.report.frame_store import (
     FOLDER,
+    UNREADABLE,
     Count,
     ImageIndex,
     ImageRecorder,
+    image_size,
     lost_text,
     read_index,
 )
@@ -273,6 +276,12 @@ def reproject_image(previous: Array, mask: Array, motion: Array) -> Array:
 def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
     """Images of the run in folder ``out``, or None and the reason why there are none."""
     index, why = read_index(out, SCHEMA, _Index, NO_REPORT)
+    if out is not None and why == UNREADABLE:
+        found = _index_of_files(out)
+        if not found.frames:
+            return None, why
+        text = f"{why}: its images are found by their names, and which pair is the worst is not known"
+        return StoredFrames(out / FOLDER, found, no_planes=why, lost=text), ""
     if index is None or out is None:
         return None, why
     folder = out / FOLDER
@@ -284,6 +293,23 @@ def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
     if not whole.frames:
         return None, text
     return StoredFrames(folder, whole, *_stored_planes(folder, index, [n for n in lost if n not in images]), text), ""
+
+
+def _index_of_files(out: Path) -> ImageIndex:
+    """An index of the pairs of the run in folder ``out`` all of whose images can be decoded and have one size.
+
+    No frame is the worst one.  Raises OutputError where frames.csv or summary.json cannot be read.
+    """
+    sizes: dict[int, tuple[int, int]] = {}
+    for frame in (int(cells[0]) for line, cells in read_csv(out / "frames.csv") if line > 1):
+        found = {image_size(out / FOLDER / file_name(part, frame)) for part in _SUFFIX if part != _PLANES}
+        if len(found) == 1 and (size := found.pop()):
+            sizes[frame] = size
+    (((width, height), _),) = Counter(sizes.values()).most_common(1) or [((1, 1), 0)]
+    frames = tuple(frame for frame, size in sizes.items() if size == (width, height))
+    settings = read_json(out / "summary.json").get("settings") or {}
+    step = max(1, round((settings.get("width") or width) / width))
+    return ImageIndex(schema=SCHEMA, rows_sha256="", width=width, height=height, step=step, frames=frames, worst=None)
 
 
 def _stored_planes(folder: Path, index: _Index, lost: Sequence[str]) -> tuple[StoredPlanes | None, str]:

@@ -80,9 +80,25 @@ def test_images_of_another_run_are_rejected(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["{", "", '{"schema": "taubench-gl/images/1", "frames": [1]}', "\x00\xff"])
-def test_a_damaged_index_is_the_reason_why_there_are_no_images(tmp_path, text):
+def test_a_damaged_index_loses_no_image(tmp_path, monkeypatch, text):
+    """Pairs are found by their files; one with an image that cannot be decoded or has another size is left out."""
+    monkeypatch.setattr(frame_store, "MAX_WIDTH", 10)
     stored, _ = record(tmp_path / "run", 5)
+    rows = "".join(f"{frame}\n" for frame in range(1, 7))  # pair 6 has no images
+    (tmp_path / "run" / "frames.csv").write_text(f"frame\n{rows}")
+    (tmp_path / "run" / "summary.json").write_text('{"settings": {"width": 20}}')
     (stored.folder / "index.json").write_text(text)
+    found, why = stored_frames(tmp_path / "run")
+    expected = stored.index.width, stored.index.height, stored.index.step
+    assert why == "" and found.index.frames == (1, 2, 3, 4, 5) and found.index.worst is None
+    assert (found.index.width, found.index.height, found.index.step) == expected and expected[2] == 2
+    assert "index.json" in found.lost and "index.json" in found.no_planes
+    mask, frame = (stored.folder / file_name(part, number) for part, number in (("mask", 3), ("frame", 5)))
+    mask.write_bytes(mask.read_bytes()[:-40])
+    Image.new("RGB", (3, 3)).save(frame)
+    assert stored_frames(tmp_path / "run")[0].index.frames == (1, 2, 4)
+    for path in stored.folder.glob("previous_*"):
+        path.unlink()
     found, why = stored_frames(tmp_path / "run")
     assert found is None and "index.json" in why
 
