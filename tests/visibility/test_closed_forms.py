@@ -12,7 +12,7 @@ from sight_tools import look, surely
 
 from taubench_gl.conventions import Visibility
 from taubench_gl.scene.builder import SceneBuilder, box, morphed
-from taubench_gl.scene.model import Camera, Channel, Material
+from taubench_gl.scene.model import Camera, Channel
 
 BOARD, WALL, HALF, STEP = 2.0, 5.0, 0.4, 0.35
 """Depths of board and wall, half the board's width, and how far the camera moves to the right: meters."""
