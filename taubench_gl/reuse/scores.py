@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.metrics.blending import channels
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.bound import EXACT, NO_HISTORY, Blended, BoundRecord, bound_of_frame
 from taubench_gl.reuse.comparison import over_frames
@@ -235,7 +236,7 @@ class MethodRecord:
 
         -> display colors (h, w, 3) and an error map (h, w) in [0, 1]: FLIP, or without it 4 |error|.
         """
-        valid = reference.image.valid & np.isfinite(result).all(axis=-1)
+        valid = reference.image.valid & channels(np.logical_and, np.isfinite(result))
         shown, expected = Displayed.of(result[..., :3], valid, curve), reference.image.masked(valid)
         errors = {"mse": quality.squared_error(shown.colors, expected.colors)}
         errors |= quality.linear_errors(shown.radiance, expected.radiance)

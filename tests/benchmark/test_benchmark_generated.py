@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import pytest
 
-from taubench_gl.benchmark.estimate import estimate_units
 from taubench_gl.benchmark.merge import merge
 from taubench_gl.benchmark.run import entries_of
 from taubench_gl.benchmark.scenes import scene_file
@@ -95,8 +94,3 @@ def test_the_scorecard_has_rows_of_the_methods_that_ran(result):
     titles = [column.name for column in table.columns]
     assert titles.count("latency") == 2 and "headroom" not in titles
     assert any("none, taa_clamp" in note for note in table.notes)
-
-
-def test_the_estimate_counts_generated_frames(small):
-    (estimate,) = estimate_units([small[1]])
-    assert estimate.weight == small[1].case.evaluated_frames == 3 and estimate.seconds > 0.0
