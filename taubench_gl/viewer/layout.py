@@ -60,7 +60,7 @@ def start_size(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def script_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Size of a new window that a script drives: one side panel, the image at a point per pixel, at least LEAST_START."""
+    """Size of a new window that a script drives: a side panel, the image at a point per pixel, at least LEAST_START."""
     return _at_least(size[0] + SIDE, size[1] + BAR)
 
 
