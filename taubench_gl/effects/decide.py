@@ -62,16 +62,13 @@ SWITCHABLE = ("normal_maps", "direct", "glossy", "shadows", "indirect", "color",
 
 
 def disable(
-    effects: dict[str, Effect],
-    names: Iterable[str],
-    depends: Mapping[str, frozenset[str]],
-    why: str = "switched off",
+    effects: dict[str, Effect], names: Iterable[str], depends: Mapping[str, frozenset[str]]
 ) -> dict[str, Effect]:
     """``effects`` without ``names`` and without what depends on them.
 
     ``depends``: effect -> effects without which it has nothing to work on.
     """
-    out, waiting = dict(effects), [(name, why) for name in names if name in effects]
+    out, waiting = dict(effects), [(name, "switched off") for name in names if name in effects]
     while waiting:
         name, why = waiting.pop()
         if out[name].enabled:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 
@@ -72,28 +71,23 @@ def sample_pairs(total: int, scheme: str, number: int = 1, rng: np.random.Genera
     return PairSample(total, tuple(strata))
 
 
-def estimate(sample: PairSample, values: Array, level: float = 0.95, within: Array | None = None) -> Estimate:
+def estimate(sample: PairSample, values: Array, level: float = 0.95) -> Estimate:
     """The population's mean and its confidence interval, from ``values`` (n,) in the order of ``sample.positions``.
-
-    ``within`` (n,): variance of each value where it is itself estimated, as from random pixels; None: it is known.
 
     mean = sum_h W_h mean_h with W_h = N_h / N (Cochran Eq. 5.1); variance = sum_h W_h^2 (1 - n_h / N_h) s_h^2 / n_h
     (Eq. 5.13 as estimated from the sample; one stratum: Eq. 2.20); half width = t sqrt(variance), t of Student at
-    Satterthwaite's degrees of freedom (Eq. 5.16).  With ``within`` the sample has two stages: W_h^2 / N_h times the
-    mean of these variances is added for each stratum (Theorem 10.2), with unlimited degrees of freedom.
+    Satterthwaite's degrees of freedom (Eq. 5.16).
 
     Every k-th pair counts as a random sample of its size.  The interval is then too wide for a sequence with a trend
     (section 8.5), and too narrow for one whose period divides k pairs, which no sample can detect.
     """
     at = {p: float(v) for p, v in zip(sample.positions, np.asarray(values, dtype=np.float64), strict=True)}
-    inside = dict(zip(sample.positions, np.zeros(len(at)) if within is None else within, strict=True))
     mean = variance = spread = 0.0
     unknown = False
     for size, sampled in sample.strata:
         y = np.array([at[p] for p in sampled])
         weight, n = size / sample.total, len(y)
         mean += weight * float(y.mean())
-        variance += weight**2 / size * float(np.mean([inside[p] for p in sampled]))
         if n == size:
             continue  # the whole stratum: no error
         if n < 2:
@@ -109,8 +103,7 @@ def estimate(sample: PairSample, values: Array, level: float = 0.95, within: Arr
         return Estimate(mean, 0.0, level, count, sample.total)
     from scipy.special import stdtrit  # imported late: 0.3 s
 
-    top = 0.5 + 0.5 * level
-    t = float(stdtrit(variance**2 / spread, top)) if spread else NormalDist().inv_cdf(top)
+    t = float(stdtrit(variance**2 / spread, 0.5 + 0.5 * level))
     return Estimate(mean, t * math.sqrt(variance), level, count, sample.total)
 
 
