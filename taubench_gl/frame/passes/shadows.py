@@ -16,7 +16,7 @@ from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant, reads_material
 from taubench_gl.frame.records import RECORD, Placement, RecordTable
-from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers
+from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers, triangles_of
 from taubench_gl.frame.shadow_faces import FACE, FACE_ROW, Face, FaceTable, faces_of, first_faces, pack
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.context import Gpu
@@ -188,7 +188,8 @@ class FaceDrawer:
                 self._frames.bind_to_uniform_block(binding, offset=row * STRIDE, size=FRAME.dtype.itemsize)
                 if reads_material(variant):
                     frame.materials.bind(group.material, raster.bindings, slots)
-                scene.draw_commands(group, raster.program(variant), self._commands, first, count, records)
+                triangles = self._triangles[first : first + count]
+                scene.draw_commands(group, raster.program(variant), self._commands, first, triangles, records)
         if parts is not None:
             framebuffer.scissor = None
         frame.materials.unbind()
@@ -215,7 +216,8 @@ class FaceDrawer:
             runs.append([(group, first + size, count) for group, first, count in groups])
             payload.append(commands)
             size += len(commands)
-        self._commands = fitted(self._gpu, self._commands, np.concatenate(payload))
+        every = np.concatenate(payload)
+        self._commands, self._triangles = fitted(self._gpu, self._commands, every), triangles_of(every)
         return runs
 
     def release(self) -> None:
