@@ -46,8 +46,6 @@ class Estimate:
     mean: float
     half_width: float | None  # of the confidence interval; None where a stratum has one pair
     level: float
-    sampled: int  # n
-    total: int  # N
 
 
 def sample_pairs(total: int, scheme: str, number: int = 1, rng: np.random.Generator | None = None) -> PairSample:
@@ -96,15 +94,12 @@ def estimate(sample: PairSample, values: Array, level: float = 0.95) -> Estimate
         part = weight**2 * (1.0 - n / size) * float(y.var(ddof=1)) / n
         variance += part
         spread += part**2 / (n - 1)
-    count = len(at)
-    if unknown:
-        return Estimate(mean, None, level, count, sample.total)
-    if variance == 0.0:
-        return Estimate(mean, 0.0, level, count, sample.total)
+    if unknown or variance == 0.0:
+        return Estimate(mean, None if unknown else 0.0, level)
     from scipy.special import stdtrit  # imported late: 0.3 s
 
     t = float(stdtrit(variance**2 / spread, 0.5 + 0.5 * level))
-    return Estimate(mean, t * math.sqrt(variance), level, count, sample.total)
+    return Estimate(mean, t * math.sqrt(variance), level)
 
 
 def share_ends(percent: float, half_width: float | None) -> list[float] | None:
