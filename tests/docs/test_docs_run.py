@@ -28,7 +28,6 @@ LEFT_OUT = {
     r"^convert|^reference render|\.(fbx|zip)\b": "needs Blender, or a file that may not be shipped: tests/pathtraced, "
     "tests/datasets",
     r"bart-museum|^scenes get": "files of the user: tests/datasets",
-    r"^reference clear \w": "the key of an example: tests/pathtraced",
     r"^evaluate valley.glb": "the stand-in takes minutes: tests/datasets",
     r"exr:(engine|one-sample)|--mapping falcor": "reads renderings of other programs: tests/pathtraced, tests/reuse",
     r"^paper|^scenes make|^benchmark (?!compare)|^cost |study/within-": "takes minutes: tests/paper, tests/datasets, "
@@ -80,7 +79,7 @@ FIRST = {
 """Commands that write what an example (regular expression) reads."""
 
 QUICK = (
-    r"^(inspect scene.glb|completion|scenes|benchmark|reference (check|list|clear)|demo$|reject list)"
+    r"^(inspect scene.glb|completion|scenes|benchmark|reference list|demo$|reject list)"
     r"|^reuse (list|show|new)|^stress .*headset"
 )
 """Examples of other pages in the normal run."""
