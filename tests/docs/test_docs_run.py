@@ -88,8 +88,8 @@ QUICK = (
 FIRST_PAGE = "README.md"
 """The page whose examples are in the normal run, but for those of TWICE."""
 
-TWICE = r"^(stress .*--sweep|batch .*--workers)"
-"""Examples of that page that run only with --long: tests/datasets and tests/batch run the same on other files."""
+TWICE = r"^(stress .*--sweep|batch .*--workers|reuse fit|reuse evaluate .*fsr2-class)"
+"""Examples of that page that run only with --long: the tests of these packages run the same on other files."""
 
 PYTHON = {
     "README.md": {

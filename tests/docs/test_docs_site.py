@@ -15,7 +15,7 @@ import pytest
 
 import taubench_gl
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
+pytestmark = [pytest.mark.usefixtures("fixed_light"), pytest.mark.long]
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
