@@ -33,7 +33,7 @@ LEFT_OUT = {
     r"exr:(engine|one-sample)|--mapping falcor": "reads renderings of other programs: tests/pathtraced, tests/reuse",
     r"^paper|^scenes make|^benchmark (?!compare)|^cost |study/within-": "takes minutes: tests/paper, tests/datasets, "
     "tests/benchmark, tests/cost",
-    r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, tests/selftest, drivers",
+    r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, selftest, drivers",
     r"^conformance score": "reads frames of an engine: tests/conformance",
     r"^capture": "needs a recording and the game's data: tests/capture",
     r"\bpairs\d|exr:denoised": "a walk through another program: tests/export/test_sequences_elsewhere.py",
