@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import gc
 import json
@@ -19,7 +18,7 @@ from repeated import few
 
 from taubench_gl.api import pairs
 from taubench_gl.errors import GraphicsError
-from taubench_gl.evaluation import Observers, evaluate_scene
+from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.gpu import context
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import MAX_SAMPLES, PassTimer, probe_timer
@@ -243,38 +242,6 @@ def alive_before(gpu: Gpu) -> int:
     gc.collect()
     gpu.collect()
     return sum(alive(gpu).values())
-
-
-def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
-    """Textures, buffers, framebuffers and programs are all gone when an evaluation returns or raises."""
-    settings = fixed_settings(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
-
-    def stop(pair) -> None:
-        raise KeyboardInterrupt
-
-    earlier = alive_before(gpu)
-    evaluate_scene(DEMO, settings)
-    before = alive(gpu)  # the program used last is deleted, yet lives until another is used
-    assert sum(before.values()) <= earlier + 2, before
-    for look in (None, lambda pair: pair.mask, stop):
-        with contextlib.suppress(KeyboardInterrupt):
-            evaluate_scene(DEMO, settings, Observers(on_pair=look))
-        assert gpu.ctx.error == "GL_NO_ERROR"
-        assert alive(gpu) == before
-
-
-def test_a_loop_over_pairs_that_is_left_leaves_nothing_behind(gpu: Gpu) -> None:
-    settings = fixed_settings(
-        width=64, height=36, frames=(0, 3), columns=("frustum", "position", "color"), indirect="none"
-    )
-    evaluate_scene(DEMO, settings)
-    before = alive(gpu)
-    for last in (1, 9):
-        for pair in pairs(DEMO, settings):
-            if pair.frame == last:
-                break
-        assert gpu.ctx.error == "GL_NO_ERROR"
-        assert alive(gpu) == before
 
 
 def test_capability_report() -> None:
