@@ -20,7 +20,7 @@ from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shared import Held
 from taubench_gl.memory_budget import return_large_blocks
 from taubench_gl.scene.model import Material, Scene, Texture
-from taubench_gl.stage_log import lasting
+from taubench_gl.stage_log import lasting, progressed
 
 if TYPE_CHECKING:
     import moderngl
@@ -217,12 +217,12 @@ class MaterialTable:
             out[image, srgb] = self._held[-1].value
 
         images = sorted({image for image, _ in missing})
-        with lasting(log, "decoding %d images", len(images)) if images else nullcontext() as advance:
+        with lasting(log, "decoding %d images", len(images)) if images else nullcontext():
             for number, (image, pixels) in enumerate(decoded_images(scene, images), start=1):
                 for srgb in (srgb for i, srgb in sorted(missing) if i == image):
                     hold(image, srgb, partial(self._texture, pixels, srgb, scene.images[image].name))
                 del pixels  # before the next one is waited for
-                advance(number / len(images))
+                progressed(number / len(images))
         for image, srgb in needed - missing:
             hold(image, srgb)
         return out
