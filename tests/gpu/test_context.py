@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import moderngl
 import numpy as np
@@ -20,7 +21,7 @@ from taubench_gl.api import pairs
 from taubench_gl.errors import GraphicsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.gpu import context
-from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.context import SUBMITTED_TRIANGLES, Gpu, open_gpu
 from taubench_gl.gpu.timing import MAX_SAMPLES, PassTimer, probe_timer
 from taubench_gl.paths import PACKAGE
 from taubench_gl.settings import Settings
@@ -258,3 +259,21 @@ def test_capability_report() -> None:
     assert report["software"] == ("llvmpipe" in report["renderer"].lower())
     assert "wall clock" in report["timer"]["why"]
     assert report["libraries"]["moderngl"] and report["libraries"]["numpy"]
+
+
+@pytest.mark.parametrize("software", [True, False])
+def test_software_is_waited_for_after_so_many_triangles(software: bool) -> None:
+    """Portions end behind the draw that reaches the number, also where earlier calls have submitted a part of it."""
+    rng, waits, order = np.random.default_rng(1), [], []
+    gpu = SimpleNamespace(software=software, _submitted=0, finish=lambda: waits.append(sum(order)))
+    for count in (1, 3, 400, 1, 2000):
+        triangles = rng.integers(0, 5000, count)
+        ends = [0]
+        for first, end in Gpu.portions(gpu, triangles):
+            assert first == ends[-1] < end
+            order.extend(triangles[first:end].tolist())
+            ends.append(end)
+        assert ends[-1] == count
+    steps = np.diff([0, *waits, sum(order)])
+    assert (len(waits) == sum(order) // SUBMITTED_TRIANGLES) if software else not waits
+    assert (abs(steps[:-1] - SUBMITTED_TRIANGLES) < 5000).all()
