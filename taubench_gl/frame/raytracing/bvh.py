@@ -78,9 +78,9 @@ def build(low: Array, high: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
     return Tree(*_build(boxes, leaf))
 
 
-def build_over(corners: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
-    """A tree over the boxes of triangles with ``corners`` (T, 3, 3) float32, finite; T >= 1."""
-    return Tree(*_build(_boxes(np.ascontiguousarray(corners, np.float32)), leaf))
+def build_over(vertices: Array, triangles: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
+    """A tree over the boxes of ``triangles`` (T, 3), rows of ``vertices`` (V, 3) float32, finite; T >= 1."""
+    return Tree(*_build(_boxes(vertices, triangles), leaf))
 
 
 def skips(tree: Tree) -> Array:
@@ -97,11 +97,11 @@ def heights(tree: Tree) -> Array:
 
 
 @_compiled
-def _boxes(corners):
-    out = np.zeros((len(corners), 8), np.float32)
-    for t in range(len(corners)):
+def _boxes(vertices, triangles):
+    out = np.zeros((len(triangles), 8), np.float32)
+    for t in range(len(triangles)):
         for k in range(3):
-            a, b, c = corners[t, 0, k], corners[t, 1, k], corners[t, 2, k]
+            a, b, c = vertices[triangles[t, 0], k], vertices[triangles[t, 1], k], vertices[triangles[t, 2], k]
             out[t, k] = min(a, b, c)
             out[t, 4 + k] = -max(a, b, c)
     return out

@@ -7,8 +7,10 @@
 // Reference references.reuse_methods.block_regression, block_features, feature_noise, block_offset
 // Departs  Modified Gram-Schmidt on the features with the color appended, instead of Householder reflections: it is
 //          as stable for least squares (Bjorck 1967) and needs one reduction per column.  Squares are of the scaled position,
-//          relative to the camera: the same space of functions, better conditioned.  Sky pixels take no part and keep
-//          their color; a block with fewer than 20 surface pixels uses the constant feature alone.  The result is at least 0.
+//          relative to the camera: the same space of functions, better conditioned.  Their published code squares world
+//          coordinates and scales what spans more than 1 m: far from the origin its squares are nearly linear and drown in the
+//          noise.  Sky pixels take no part and keep their color; a block with fewer than 20 surface pixels uses the
+//          constant feature alone.  The result is at least 0.
 #include "noise.glsl"
 
 const int FEATURES = 10, COLUMNS = FEATURES + 3, ROWS = block_size.x * block_size.y / block_threads, PARTS = 16;

@@ -1,7 +1,7 @@
 // Accumulation whose four bilinear taps are each accepted or rejected by world position and normal.
 //
 // Paper    Koskela et al. 2019, accumulation of noisy data: taps within both limits are blended, their weights
-//          renormalized; weight of the new frame max(1 / n, alpha).  Limits as in their published code: 0.01 m^2 and 1.
+//          renormalized; weight of the new frame max(1 / n, alpha).  Limits as in the method bmfr.
 // Reference references.reuse_methods.consistent_blend
 // Departs  A moving point is compared at its previous position (prev_position); the scenes of the paper are static.  The
 //          stages after it are in the method bmfr.
