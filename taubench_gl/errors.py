@@ -56,7 +56,7 @@ class GraphicsError(TaubenchError):
 
 
 class DatasetError(TaubenchError):
-    """A scene of the registry is unknown, cannot be downloaded, or has changed."""
+    """A scene of the registry is unknown, or its file cannot be used."""
 
 
 class MethodError(TaubenchError):

@@ -28,6 +28,11 @@ def cross(a: Array, b: Array) -> Array:
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
+def box_corners(points: Array) -> Array:
+    """The corners of the axis-aligned bounding box of ``points`` (N, 3), N > 0.  -> (8, 3) float64."""
+    return np.array(np.meshgrid(*np.transpose(bounds(points))), dtype=np.float64).reshape(3, 8).T
+
+
 def bounds(points: Array) -> tuple[Array, Array]:
     """Least and greatest value of each column.  (N, n), N > 0 -> (n,), (n,).
 

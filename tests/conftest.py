@@ -266,9 +266,10 @@ def taubench(
 
 @pytest.fixture(scope="module")
 def coarse_metering(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Exposures from few pixels, within 15 %, for modules whose subject is another; their cache is their own."""
+    """Exposures from few pixels of three frames, for modules whose subject is another; their cache is their own."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("taubench_gl.evaluation.exposure.METERED_PIXELS", 512)
+        patch.setattr("taubench_gl.evaluation.exposure.METERED_FRAMES", 3)
         patch.setenv("TAUBENCH_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.math3d import bounds, orthonormal
+from taubench_gl.math3d import affine, bounds, orthonormal
 
 S = 0.5**0.5
 ROTATIONS = {  # columns of a matrix -> columns of its rotation
@@ -39,3 +39,13 @@ def test_bounds_show_what_is_not_finite():
     points = np.zeros((3000, 3), np.float32)
     points[1500, 1] = np.nan
     assert np.isnan(bounds(points)).tolist() == 2 * [[False, True, False]]
+
+
+@pytest.mark.parametrize(("turns", "moves"), [((), (4,)), ((4,), ()), ((3, 1), (4,))])
+def test_one_rotation_goes_with_many_translations(turns, moves):
+    rng = np.random.default_rng(1)
+    turn, move, point = rng.normal(size=(*turns, 3, 3)), rng.normal(size=(*moves, 3)), rng.normal(size=3)
+    made = affine(turn, move)
+    assert made.shape == (*np.broadcast_shapes(turns, moves), 4, 4)
+    moved = made @ np.append(point, 1.0)
+    assert moved[..., :3] == pytest.approx(turn @ point + move, abs=1e-14) and (moved[..., 3] == 1.0).all()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
-from test_architecture import ROOT, tracked_files
+from test_architecture import lines_with, texts
 
 BANNED = {
     "told": "reported, recorded",
@@ -39,25 +40,9 @@ EXEMPT = {
 """History, and the words themselves."""
 
 
-def lines() -> list[tuple[str, int, str]]:
-    found = []
-    for path in tracked_files():
-        name = path.relative_to(ROOT).as_posix()
-        if path.suffix in SUFFIXES and name not in EXEMPT:
-            try:
-                text = path.read_text(encoding="utf-8")
-            except UnicodeDecodeError:
-                continue
-            found += [(name, number, line) for number, line in enumerate(text.splitlines(), start=1)]
-    return found
-
-
 def test_no_banned_word():
-    faults = [
-        f"{name}:{number}: {match.group()}: {line.strip()[:80]}"
-        for name, number, line in lines()
-        if (match := PATTERN.search(line))
-    ]
+    of = [(name, text) for name, text in texts() if name not in EXEMPT and Path(name).suffix in SUFFIXES]
+    faults = lines_with(PATTERN, of)
     assert not faults, f"{len(faults)} lines\n" + "\n".join(faults)
 
 

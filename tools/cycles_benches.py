@@ -112,5 +112,5 @@ def _cycles_row(label: str, scene: Scene, camera: CameraTrack, fps: float, optio
         render_reference(scene, camera, frames, folder, fps=fps, size=options.size, quality=quality)
     except PathTracedError as error:
         return missing(f"{label}: Cycles", str(error))
-    times = [1e3 * read_render(folder).frame_seconds[frame] for frame in frames]
+    times = [1e3 * read_render(folder).frame_seconds[str(frame)] for frame in frames]
     return row(f"{label}: Cycles", times[1:])

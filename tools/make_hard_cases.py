@@ -51,8 +51,7 @@ taubench-gl selftest --only offsets --backend osmesa
 taubench-gl selftest --json > selftest.json
 ```
 
-A case passes if its error is at most its tolerance.  A tolerance of 0 means equal to the last bit or pixel.  Where a
-simpler formula fails the case, the case also evaluates that formula and prints its result.
+A case passes if its error is at most its tolerance.  A tolerance of 0 means equal to the last bit or pixel.
 
 What the CPU alone decides is tested in `tests/hard`, listed at the end, but for one case of each kind.
 

@@ -6,6 +6,7 @@ Sources: glTF 2.0 sections 3.5 (node transforms), 3.7.2.2 (morph targets), 3.7.3
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from taubench_gl.animation.curves import Timeline
 from taubench_gl.animation.state import FrameState
 from taubench_gl.conventions import DEFAULT_FPS
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.model import Camera, Light, Primitive, Scene
+from taubench_gl.scene.model import Camera, Channel, Light, Primitive, Scene
 
 Array = np.ndarray
 
@@ -37,7 +38,8 @@ class Poser:
         self._weights = _default_weights(scene)
         for weights in self._weights.values():
             weights.flags.writeable = False  # shared by all states
-        self._used = _used_nodes(scene)
+        used = scene.mesh_nodes, scene.camera_nodes, scene.light_nodes, scene.joint_nodes
+        self._used = np.unique(np.concatenate(used))  # nodes whose transforms something reads
 
     @property
     def duration(self) -> float:
@@ -112,6 +114,16 @@ def present_nodes(scene: Scene, state: FrameState) -> Array:
     of_skin = np.array([bool(sized[skin.joints].any()) for skin in scene.skins], dtype=bool)
     out[skinned] = state.visible[skinned] & of_skin[scene.nodes.skin[skinned]]
     return out
+
+
+def moved_nodes(scene: Scene, channels: Iterable[Channel]) -> Array:
+    """Nodes that one of ``channels`` moves or hides, themselves or by an ancestor.  (N,) bool."""
+    nodes = scene.nodes
+    moved = np.zeros(len(nodes), dtype=bool)
+    moved[[c.index for c in channels if c.target == "node" and c.path != "weights"]] = True
+    for level in nodes.levels()[1:]:
+        moved[level] |= moved[nodes.parent[level]]
+    return moved
 
 
 def skin_matrices(scene: Scene, state: FrameState, skin: int) -> Array:
@@ -213,16 +225,6 @@ def _default_weights(scene: Scene) -> dict[int, Array]:
             node_weights = scene.nodes.weights.get(node)
             out[node] = _fit(scene.meshes[mesh].weights if node_weights is None else node_weights, count)
     return out
-
-
-def _used_nodes(scene: Scene) -> Array:
-    """Nodes of the scene whose transforms are used: meshes, their joints, cameras and lights.  (n,) int64."""
-    nodes = scene.nodes
-    skins = {int(s) for s in nodes.skin[scene.mesh_nodes] if s >= 0}
-    joints = [np.asarray(scene.skins[s].joints, dtype=np.int64) for s in skins]
-    return np.unique(
-        np.concatenate([scene.mesh_nodes, scene.camera_nodes, scene.light_nodes, *joints]).astype(np.int64)
-    )
 
 
 def _fit(weights: Array, count: int) -> Array:

@@ -20,9 +20,7 @@ def previous_point(scene: Scene, state: FrameState, before: FrameState, point: A
     best, previous = np.inf, None
     for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
         copies = scene.nodes.instances.get(node)
-        for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
-            if not len(primitive.triangles):
-                continue
+        for primitive in scene.primitives(node):
             for instance in [None] if copies is None else range(len(copies)):
                 if _box_distance(scene, state, node, primitive, instance, point) > best:
                     continue
@@ -45,8 +43,7 @@ def _box_distance(
     if primitive.targets or is_skinned(scene, node, primitive):
         return 0.0
     world = state.world[node] if instance is None else state.world[node] @ scene.nodes.instances[node][instance]
-    low, high = primitive.positions.min(axis=0), primitive.positions.max(axis=0)
-    corners = math3d.transform_points(world, np.array(np.meshgrid(*zip(low, high)), dtype=np.float64).reshape(3, 8).T)
+    corners = math3d.transform_points(world, math3d.box_corners(primitive.positions))
     outside = np.maximum(np.maximum(corners.min(axis=0) - point, point - corners.max(axis=0)), 0.0)
     return float(np.linalg.norm(outside))
 

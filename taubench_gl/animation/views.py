@@ -11,7 +11,7 @@ from pyrr import matrix44
 
 from taubench_gl import math3d
 from taubench_gl.animation.curves import varies
-from taubench_gl.animation.pose import Poser, is_skinned, pose_once
+from taubench_gl.animation.pose import Poser, is_skinned, moved_nodes, pose_once
 from taubench_gl.animation.recorded_camera import RecordedCamera, read_camera_path
 from taubench_gl.animation.state import FrameState, View
 from taubench_gl.errors import SettingsError, printable
@@ -225,18 +225,14 @@ def is_still(scene: Scene, cameras: Iterable[int] = ()) -> bool:
     Over the whole animation, whichever frames are evaluated.
     """
     nodes, cameras = scene.nodes, list(cameras)
-    skins = {int(s) for s in nodes.skin[scene.mesh_nodes] if s >= 0}
-    joints = [np.asarray(scene.skins[s].joints, dtype=np.int64) for s in skins]
-    moved = {int(n) for n in np.concatenate([scene.mesh_nodes, scene.light_nodes, *joints])} | set(cameras)
-    for node in tuple(moved):
-        while (node := int(nodes.parent[node])) >= 0 and node not in moved:
-            moved.add(node)
+    changing = [c for c in scene.channels if varies(c)]
+    shown = np.concatenate([scene.mesh_nodes, scene.light_nodes, scene.joint_nodes, np.array(cameras, np.int64)])
     used = {
-        "node": moved,
-        "camera": {int(nodes.camera[n]) for n in cameras},
-        "light": {int(i) for i in nodes.light[scene.light_nodes]},
+        "node": set(scene.mesh_nodes.tolist()),  # by morph weights
+        "camera": set(nodes.camera[cameras].tolist()),
+        "light": set(nodes.light[scene.light_nodes].tolist()),
     }
-    return not any(c.index in used[c.target] and varies(c) for c in scene.channels)
+    return not (moved_nodes(scene, changing)[shown].any() or any(c.index in used[c.target] for c in changing))
 
 
 def choose_camera(
@@ -327,15 +323,12 @@ def _drawn_points(scene: Scene, state: FrameState, node: int, boxes: dict[int, A
     """
     clouds, posed = [np.zeros((0, 3))], {}
     instances = scene.nodes.instances.get(int(node))
-    for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
-        if not len(primitive.triangles):
-            continue
+    for primitive in scene.primitives(node):
         if primitive.targets or is_skinned(scene, node, primitive):
             clouds.append(pose_once(posed, scene, state, node, primitive))
             continue
         if id(primitive) not in boxes:
-            low, high = math3d.bounds(primitive.positions)
-            boxes[id(primitive)] = np.array(np.meshgrid(*zip(low, high)), dtype=np.float64).reshape(3, 8).T
+            boxes[id(primitive)] = math3d.box_corners(primitive.positions)
         corners = boxes[id(primitive)]
         if instances is None:
             clouds.append(math3d.transform_points(state.world[node], corners))
@@ -360,9 +353,7 @@ class _Subject:
         posed: dict[tuple, Array] = {}
         for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
             instances = scene.nodes.instances.get(node, np.eye(4)[None])
-            for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
-                if not len(primitive.triangles):
-                    continue
+            for primitive in scene.primitives(node):
                 if primitive.targets or is_skinned(scene, node, primitive):
                     clouds.append(pose_once(posed, scene, state, node, primitive)[self._used_by(primitive.triangles)])
                 else:
@@ -410,7 +401,7 @@ class _Subject:
         for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
             world_from_node = state.world[node]
             order = [0, 1, 2] if np.linalg.det(world_from_node[:3, :3]) > 0.0 else [0, 2, 1]
-            for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
+            for primitive in scene.primitives(node):
                 if not (primitive.targets or is_skinned(scene, node, primitive) or node in scene.nodes.instances):
                     points = math3d.transform_points(world_from_node, primitive.positions.astype(np.float64))
                     corners.append(points[primitive.triangles[:, order]])

@@ -13,7 +13,6 @@ from taubench_gl.fields import REQUIRED, above_zero, at_least, one_of, setting
 from taubench_gl.settings import OUTPUT
 
 SUITE = setting("quick", "Built-in suite, or a TOML file", metavar="quick|full|FILE")
-WORKERS = setting(None, "Worker processes; 0: none, all in this process", at_least(0), short=True, shown="one per core")
 CASES = setting(
     (),
     "Only these cases, such as 'demo/rotation=*'; the result is that of another suite",
@@ -32,7 +31,7 @@ def benchmark() -> None:
     Examples:
       taubench-gl benchmark --out results
       taubench-gl benchmark svgf ./my_method --out results
-      taubench-gl benchmark plan --suite full --time
+      taubench-gl benchmark plan --suite full
       taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json
     """
 
@@ -45,7 +44,9 @@ def run(
     suite: str = SUITE,
     cases: tuple[str, ...] = CASES,
     out: Path = setting(REQUIRED, "Folder of the results", group=OUTPUT, metavar="DIR"),
-    workers: int | None = WORKERS,
+    workers: int | None = setting(
+        None, "Worker processes; 0: none, all in this process", at_least(0), short=True, shown="one per core"
+    ),
     time_limit: float = setting(
         1800.0, "A method that takes longer for a frame has failed", above_zero(), metavar="SECONDS"
     ),
@@ -86,24 +87,16 @@ def plan(
     *,
     suite: str = SUITE,
     cases: tuple[str, ...] = CASES,
-    timed: bool = setting(False, "Estimate the time from a few frames of every input, with METHODs", flag="--time"),
-    workers: int | None = WORKERS,
 ) -> None:
-    """Print the units of a suite: cases, hashes, scene files.  Makes the scenes; renders nothing without --time.
-
-    Path-traced references are traced in part for the estimate; what is traced is kept.
+    """Print the units of a suite: cases, hashes, scene files.  Makes the scenes; renders nothing.
 
     Examples:
       taubench-gl benchmark plan
-      taubench-gl benchmark plan --suite full --time
-      taubench-gl benchmark plan none svgf --suite full --cases '*/path-traced@1' --time --workers 16
+      taubench-gl benchmark plan none svgf --suite full --cases '*/path-traced@1'
     """
-    from taubench_gl.benchmark.estimate import estimate_units
     from taubench_gl.benchmark.run import BenchmarkStudy, entries_of, runnable
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.suite import read_suite
-    from taubench_gl.study.engines import available_cores
-    from taubench_gl.study.progress import announce
 
     selected = runnable(read_suite(suite).part(cases), note)
     entries = entries_of(methods)
@@ -113,8 +106,6 @@ def plan(
         case, request = unit.case, unit.case.request
         facts = f"{case.track}, {case.frames} frames, {request.seeds} seeds, reference {request.reference}"
         click.echo(f"  {unit.identity[:8]}  {case.id}: {facts}; scene {unit.sha256[:8]} {scene_file(case.scene)}")
-    if timed:
-        announce(estimate_units(units, note), "frames", available_cores() if workers is None else workers, click.echo)
 
 
 @command()

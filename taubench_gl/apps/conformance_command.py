@@ -8,7 +8,8 @@ from pathlib import Path
 import click
 
 from taubench_gl.apps.options import AS_JSON, Commands, command, option_group
-from taubench_gl.apps.screen import StatusLine, show_json, show_list, show_tables
+from taubench_gl.apps.progress import ProgressBar
+from taubench_gl.apps.screen import show_json, show_list, show_tables
 from taubench_gl.apps.stages import STAGES
 from taubench_gl.fields import setting
 from taubench_gl.settings import OUTPUT, Settings
@@ -71,9 +72,15 @@ def score(
     from taubench_gl.pathtraced.check_vectors import exit_code, overall
 
     STAGES.silence()  # scenes are read in milliseconds, one for each case
-    frames, line, sizes = EngineFrames(spec, mapping, layer), StatusLine(), {}
+    frames, sizes = EngineFrames(spec, mapping, layer), {}
     cases = select(only)
-    scores = score_cases(cases, frames, lambda name, size: (sizes.update({name: size}), line(name, passing=True)))
+    with ProgressBar(spec, "cases") as bar:
+
+        def scored(name: str, size: tuple[int, int]) -> None:
+            sizes[name] = size
+            bar.step(len(sizes), len(cases), name)
+
+        scores = score_cases(cases, frames, scored)
     about = {"engine": engine or frames.folder.resolve().name, "frames": spec, "mapping": mapping,
              "sizes": sorted({f"{w}x{h}" for w, h in sizes.values()})}  # fmt: skip
     summary = score_summary(scores, about)

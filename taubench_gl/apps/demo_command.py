@@ -54,7 +54,6 @@ def demo(
     lecture: bool = setting(False, "Run seven demos in order, twenty minutes, with notes for the speaker (key N)"),
     out: Path = setting(Path("demos"), "Folder of the figures and pages", group=OUTPUT, metavar="DIR"),
     listing: bool = setting(False, "List the demos, as without a name", flag="--list"),
-    notebook: bool = setting(False, "Write Jupyter notebooks instead of running the demos"),
     scene_file: Path | None = setting(
         None, "Only write the demo's scene, as a file for other commands", flag="--scene", metavar="OUT.glb"
     ),
@@ -65,7 +64,7 @@ def demo(
         SIZE.check,
         read=parse_size,
         metavar="WxH",
-        shown="480x270; notebooks 320x180",
+        shown="480x270",
     ),
 ) -> int:
     """Run demos that each explain one idea of temporal reuse with figures and a measured number.
@@ -78,18 +77,18 @@ def demo(
       taubench-gl demo rotations
       taubench-gl demo 3 7 --out lecture --size 640x360
       taubench-gl demo --lecture --out lecture
-      taubench-gl demo --all --out lecture --notebook
+      taubench-gl demo --all --out demos
       taubench-gl demo occlusion --view
       taubench-gl demo occlusion --scene board.glb
 
-    DIR receives the figures (PNG), a self-contained HTML page per demo, index.html with --all or --lecture, and Jupyter
-    notebooks with --notebook.  docs/demos.md lists the demos.
+    DIR receives the figures (PNG), a self-contained HTML page per demo, and index.html with --all or --lecture.
+    docs/demos.md lists the demos.
     """
     from taubench_gl.demos.lessons import DEMOS, find_demo
     from taubench_gl.demos.texts import TEXTS
 
     only_one("--all, --lecture and names exclude each other", "give one of them", every, lecture, named)
-    only_one("--notebook, --scene and --view exclude each other", "give one of them", notebook, scene_file, viewing)
+    only_one("--scene and --view exclude each other", "give one of them", scene_file, viewing)
     if (scene_file is not None or viewing) and not (named or every or lecture or listing):
         raise SettingsError("no demo was named", hint="--scene and --view need one, see 'taubench-gl demo'")
     if scene_file is not None and scene_file.suffix.lower() != ".glb":
@@ -101,9 +100,6 @@ def demo(
         return 0
     if scene_file is not None or viewing:
         _scene(selected, scene_file, size)
-        return 0
-    if notebook:
-        _notebooks(selected, out, size)
         return 0
     return _run(selected, out, every or lecture, parts, size, settings.device)
 
@@ -167,15 +163,6 @@ def write_session(lesson: Demo, scene: Path, size: Size, findings: Sequence[Find
     path = scene.with_name(f"{lesson.stem}{SUFFIX}")
     save_lesson(path, str(scene), settings, values, "\n".join(description))
     return path
-
-
-def _notebooks(selected: list[Demo], out: Path, size: Size) -> None:
-    from taubench_gl.demos.gallery import NOTEBOOK_SIZE, write_notebook
-    from taubench_gl.outputs import output_folder
-
-    folder = output_folder(out)
-    for lesson in selected:
-        click.echo(f"written to {write_notebook(lesson, folder, size or NOTEBOOK_SIZE)}")
 
 
 def _run(

@@ -22,11 +22,10 @@ def paper(
     workers: WorkerOptions,
     *,
     out: Path = setting(Path("paper"), "Folder of the results", group=OUTPUT, metavar="DIR"),
-    only_estimate: bool = setting(False, "Print the estimated time, and stop", flag="--estimate"),
 ) -> int:
     """Measure the paper's Tables 1 to 4 and redraw its Figures 1 and 2, beside the paper's numbers.
 
-    SCENE names scenes of the paper, such as eternal-valley-fps; all by default.  A scene that 'scenes get' downloaded
+    SCENE names scenes of the paper, such as eternal-valley-fps; all by default.  A scene that 'scenes get' unpacked
     is measured; else its stand-in, if it has one, and every row says so.  Camera activity is at 60 frames a second,
     images are at 24 and 60.  From datasets, one set of thresholds for all scenes is fitted to the paper's Table 4.
 
@@ -38,30 +37,22 @@ def paper(
       taubench-gl paper --out paper --workers 4
       taubench-gl paper eternal-valley-fps --out paper --light raster,path-traced --lobe diffuse --lobe glossy
       taubench-gl paper --out paper --quick --light auto,raster
-      taubench-gl paper --out paper --light path-traced --estimate
     """
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.apps.progress import StudyScreen
-    from taubench_gl.paper.estimate import estimate
     from taubench_gl.paper.output import PAGE, write_study
     from taubench_gl.paper.scenes import find_scenes
     from taubench_gl.paper.study import plan, run_jobs
     from taubench_gl.study.engines import engine
-    from taubench_gl.study.progress import announce
 
     engine(workers.workers, out)  # refuses what there is not before anything is drawn
     available = find_scenes(scenes, resolve)
     for name, why in available.missing.items():
         warn(f"not measured: {name}: {why}")
     jobs = plan(available.scenes, options)
-    times = estimate(jobs, out)
-    announce(times, "pairs", workers.workers, warn)
-    if only_estimate:
-        return 0
-    slowest = max((each.seconds for each in times), default=None)
     with interruptible(lambda: "finished pairs are kept: repeat the command to continue"):
         with StudyScreen() as screen:
-            results = run_jobs(jobs, out, slowest, **asdict(workers), listener=screen)
+            results = run_jobs(jobs, out, **asdict(workers), listener=screen)
         tables, files = write_study(results, jobs, available, options, out)
     show_tables(tables)
     click.echo(f"written to {', '.join(map(str, files))}; open {out / PAGE}")

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import os
-import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, option_group
-from taubench_gl.apps.screen import StatusLine, show_json, show_notes
+from taubench_gl.apps.progress import ProgressBar
+from taubench_gl.apps.screen import TABLE_FORMATS, show_json, show_notes, show_tables
 from taubench_gl.errors import SettingsError
-from taubench_gl.fields import REQUIRED, setting
+from taubench_gl.fields import REQUIRED, one_of, setting
 from taubench_gl.option_groups import RenderOptions
 from taubench_gl.settings import FIXED_LIGHTING, OUTPUT, Settings
+
+if TYPE_CHECKING:
+    from taubench_gl.pathtraced.blender.render import RenderProgress
 
 
 @click.group(cls=Commands)
@@ -65,17 +68,18 @@ def render(
         image_sha256=None if image is None else image.sha256,
         light_unit=settings.lighting.light_unit,
     )
-    notes = render_reference(
-        opened.animated.scene,
-        opened.animated.camera,
-        opened.frames,
-        out,
-        fps=settings.sequence.fps,
-        size=(settings.sequence.width, settings.sequence.height),
-        quality=quality,
-        lighting={name: settings.to_dict()[name] for name in FIXED_LIGHTING},
-        progress=_ProgressLines(),
-    )
+    with ProgressBar(scene_path, "frames") as bar:
+        notes = render_reference(
+            opened.animated.scene,
+            opened.animated.camera,
+            opened.frames,
+            out,
+            fps=settings.sequence.fps,
+            size=(settings.sequence.width, settings.sequence.height),
+            quality=quality,
+            lighting={name: settings.to_dict()[name] for name in FIXED_LIGHTING},
+            progress=_shown_by(bar),
+        )
     show_notes(notes)
     factor = settings.lighting.exposure_factor
     exposure = "" if factor == 1.0 else f" --exposure {factor:g}"
@@ -83,28 +87,18 @@ def render(
     click.echo(f"{len(opened.frames)} frames in {out}; next: {command}")
 
 
-class _ProgressLines:
-    """One line per frame with the remaining time; on a terminal also the finished share of the current frame."""
+def _shown_by(bar: ProgressBar) -> Callable[[RenderProgress], None]:
+    """Shows a render in ``bar``: finished frames, the share of the current one, and what the others will take."""
+    seconds: list[float] = []
 
-    def __init__(self) -> None:
-        self._seconds: list[float] = []
-        self._done = -1
-        self._line = StatusLine()
+    def show(progress: RenderProgress) -> None:
+        if progress.done > bar.done and progress.seconds is not None:
+            seconds.append(progress.seconds)
+        rest = (progress.total - progress.done) * sum(seconds) / max(len(seconds), 1)
+        left = f"{seconds[-1]:.1f} s a frame, {rest:.0f} s left" if seconds else ""
+        bar.step(progress.done, progress.total, f"{progress.share:.0%} of the next", left)
 
-    def __call__(self, progress: Any) -> None:
-        if progress.done == self._done:
-            if sys.stderr.isatty() and progress.share > 0:
-                self._line(f"frame {progress.done + 1}/{progress.total}: {progress.share:4.0%}", passing=True)
-            return
-        first, self._done = self._done < 0, progress.done
-        if progress.seconds is not None:
-            self._seconds.append(progress.seconds)
-        if first:
-            kept = f", {progress.done} are complete" if progress.done else ""
-            self._line(f"rendering {progress.total} frames{kept}")
-            return
-        left = sum(self._seconds) / len(self._seconds) * (progress.total - progress.done)
-        self._line(f"frame {progress.done}/{progress.total}: {progress.seconds:.1f} s, {left:.0f} s left")
+    return show
 
 
 @command()
@@ -115,7 +109,7 @@ def compare(
     second: str,
     *,
     as_json: bool = AS_JSON,
-    out: Path | None = setting(None, "Also write text, JSON, HTML and an image", group=OUTPUT, metavar="DIR"),
+    form: str = setting("text", "Format of the tables", one_of(TABLE_FORMATS), flag="--format"),
 ) -> None:
     """Compare RUN with REFERENCE, two folders written by 'taubench-gl evaluate --out'.
 
@@ -126,19 +120,18 @@ def compare(
       taubench-gl evaluate scene.glb --size 320x180 --out raster --save masks,channels
       taubench-gl evaluate exr:renders --out traced --save masks,channels
       taubench-gl reference compare raster traced
-      taubench-gl reference compare raster traced --out comparison
+      taubench-gl reference compare raster traced --format html > comparison.html
+
+    A page that shows both runs side by side: 'taubench-gl report RUN REFERENCE --out both.html'.
     """
-    from taubench_gl.pathtraced.compare import compare_runs, save_comparison
-    from taubench_gl.pathtraced.compare_report import comparison_text
+    from taubench_gl.pathtraced.compare import compare_runs
+    from taubench_gl.pathtraced.compare_report import comparison_tables
 
     result = compare_runs(first, second)
     if as_json:
         show_json(result)
     else:
-        click.echo("\n".join(comparison_text(result)))
-    if out is not None:
-        save_comparison(result, out)
-        click.echo(f"written to {out}{os.sep}", err=as_json)
+        show_tables(comparison_tables(result), form)
 
 
 @command("list")

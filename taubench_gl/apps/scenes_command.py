@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
 from taubench_gl.apps.options import AS_JSON, Commands, command
-from taubench_gl.apps.screen import StatusLine, note, show_json, show_list
+from taubench_gl.apps.screen import note, show_json, show_list
 from taubench_gl.fields import setting
 
 STAND_IN_NAMES = ("eternal-valley-fps", "eternal-valley-vr")
@@ -85,24 +84,25 @@ def show(name: str, *, registries: tuple[Path, ...] = REGISTRIES, as_json: bool 
 def get(
     name: str,
     *,
-    source: Path | None = setting(None, "Use this local file", flag="--from", metavar="FILE"),
-    url: str | None = setting(None, "Download from this URL instead of the registry's"),
+    source: Path | None = setting(
+        None, "The file, downloaded from the scene's homepage", flag="--from", metavar="FILE"
+    ),
     scene: str | None = setting(None, "Scene file of the archive, if it holds several", metavar="FILE"),
     accept_license: bool = setting(False, "Accept the license without a question"),
     registries: tuple[Path, ...] = REGISTRIES,
     cache: Path | None = CACHE,
 ) -> None:
-    """Download scene NAME into the cache, or copy it from a local file, and print its path.
+    """Unpack the file of scene NAME into the cache, and print the scene's path.
 
     Examples:
       taubench-gl scenes get bart-museum --from museum.zip
       taubench-gl scenes get zero-day --from zeroday.zip --scene MEASURE_ONE.fbx
-      taubench-gl scenes get my-scene --registry mine.toml --accept-license
+      taubench-gl scenes get my-scene --registry mine.toml --from my-scene.zip --accept-license
       taubench-gl evaluate bart-museum
 
-    An interrupted download is continued.  The checksum of the first download is stored; a later file that differs is
-    refused.  Downloading needs the extra 'datasets'; --from does not.  Afterwards NAME can be used in place of a path;
-    its frame rate, frames, camera and units are the defaults of the options.
+    'show NAME' prints the homepage to download the file from.  A file is refused if the registry has another checksum.
+    Afterwards NAME can be used in place of a path; its frame rate, frames, camera and units are the defaults of the
+    options.
     """
     from taubench_gl.datasets.registry import find_entry
     from taubench_gl.datasets.scene_cache import CachedScene
@@ -111,51 +111,22 @@ def get(
     name, entry = find_entry(_entries(registries), name)
     if entry.recording is not None:
         hint = f"evaluate {name}, or scenes make {name} OUT.glb"
-        raise DatasetError(f"{name} is made from a recorded game, not downloaded", hint=hint)
+        raise DatasetError(f"{name} is made from a recorded game, not from a file", hint=hint)
+    if source is None:
+        place = entry.url or entry.homepage or "its homepage"
+        raise DatasetError("the file of the scene is not given", hint=f"download it from {place}, then: --from FILE")
     note(f"{entry.title}, by {entry.authors or 'unknown'}; license: {entry.license or 'not stated'}")
     if not accept_license:
         if not sys.stdin.isatty():
             raise DatasetError("the license is not accepted", hint="add --accept-license to accept it")
         click.confirm("Do you accept the license?", abort=True, err=True)
-    cached = CachedScene(name, entry, cache)
-    if source is not None:
-        path = cached.take(source, scene)
-    else:
-        path = cached.get(url, _bytes_line() if sys.stderr.isatty() else None, scene)
-    click.echo(path)
+    click.echo(CachedScene(name, entry, cache).take(source, scene))
     if entry.format in ("fbx", "blend"):
         note("the first evaluation converts it with Blender as a Python module (see: convert --help)")
     defaults = f"  (defaults: {entry.options()})" if entry.options() else ""
     note(f"Tables 1 to 4: taubench-gl evaluate {name}{defaults}")
     if registries or cache is not None:
         note("  with TAUBENCH_SCENES and TAUBENCH_CACHE set to the values of --registry and --cache")
-
-
-@command()
-@click.argument("name")
-def verify(name: str, *, registries: tuple[Path, ...] = REGISTRIES, cache: Path | None = CACHE) -> None:
-    """Check that the cached file of scene NAME is unchanged since its download.
-
-    Examples:
-      taubench-gl scenes verify bart-museum
-    """
-    from taubench_gl.datasets.registry import find_entry
-    from taubench_gl.datasets.scene_cache import CachedScene
-
-    record, scene = CachedScene(*find_entry(_entries(registries), name), cache).verify()
-    click.echo(f"{record.file}: {record.bytes} bytes, sha256 {record.sha256}, unchanged")
-    click.echo(scene)
-
-
-def _bytes_line() -> Callable[[int, int | None], None]:
-    """A callback that shows the progress of a download."""
-    line = StatusLine()
-
-    def show_bytes(have: int, whole: int | None) -> None:
-        share = f"{100 * have / whole:5.1f} %" if whole else ""
-        line(f"{have >> 20} MiB {share}", passing=whole is None or have < whole)
-
-    return show_bytes
 
 
 @command()
@@ -223,5 +194,5 @@ def describe(scene: Any, fps: float) -> dict[str, Any]:
     }
 
 
-for member in (list_scenes, show, get, verify, make):
+for member in (list_scenes, show, get, make):
     scenes.add_command(member)

@@ -166,30 +166,6 @@ def show_pairs(title: str, pairs: dict[str, Any]) -> None:
     console.print(Text(printable(title), style="bold"), grid)
 
 
-# Lines that change
-
-
-class StatusLine:
-    """A line on standard error that is overwritten on a terminal; elsewhere only the lines that matter are printed."""
-
-    def __init__(self) -> None:
-        self._open = False
-
-    def __call__(self, line: str, *, passing: bool = False) -> None:
-        """Show ``line`` in place of the last one; ``passing``: it is not worth keeping in a file."""
-        if sys.stderr.isatty():
-            click.echo(f"\r\033[K{line}", nl=not passing, err=True)
-            self._open = passing
-        elif not passing:
-            note(line)
-
-    def end(self) -> None:
-        """End the line on a terminal."""
-        if self._open:
-            click.echo(err=True)
-            self._open = False
-
-
 def only_one(message: str, hint: str, *choices: object) -> None:
     """Raises SettingsError if more than one of ``choices`` is given."""
     if sum(map(bool, choices)) > 1:

@@ -86,9 +86,8 @@ def _show_row(result: CaseResult) -> None:
     else:
         click.echo(f"  expected {_number(result.expected)}, measured {_number(result.measured)}")
     click.echo(f"      {result.case.description}")
-    if result.naive is not None:
-        verdict = "fails" if not result.naive.error <= result.case.tolerance else "passes here"
-        click.echo(f"      {result.naive.formula}: {_number(result.naive.measured)}, {verdict}")
+    if not result.passed:
+        click.echo(f"      common failure: {result.case.common_failure}")
 
 
 def _number(value: object) -> str:

@@ -240,9 +240,7 @@ def _triangles(scene: Scene, state: FrameState, node: int) -> list[Array]:
     """World corners (T, 3, 3) of each primitive of a node and of each instance."""
     out = []
     instances = scene.nodes.instances.get(int(node))
-    for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
-        if not len(primitive.triangles):
-            continue
+    for primitive in scene.primitives(node):
         if instances is None or is_skinned(scene, node, primitive):
             out.append(pose_vertices(scene, state, node, primitive)[primitive.triangles])
             continue

@@ -18,14 +18,7 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.memory_budget import limit
 from taubench_gl.outputs import text_bytes, write_atomically
 from taubench_gl.scene.files import read_file
-from taubench_gl.scene.gltf.container import (
-    GLB_MAGIC,
-    Json,
-    add_accessor,
-    add_facts,
-    container_bytes,
-    read_container,
-)
+from taubench_gl.scene.gltf.container import GLB_MAGIC, Json, add_channels, add_facts, container_bytes, read_container
 from taubench_gl.scene.gltf.document import MESHOPT, open_document, read_uri
 from taubench_gl.scene.gltf.materials import IMAGE_MEDIA_TYPES
 
@@ -72,21 +65,11 @@ class GltfEditor:
         added."""
         if not tracks:
             return
-        animation: Json = {"name": name, "samplers": [], "channels": []}
-        clocks: dict[bytes, int] = {}
-        for node, path, times, values, interpolation in tracks:
-            times = np.asarray(times, dtype=np.float32)
-            if times.tobytes() not in clocks:
-                clocks[times.tobytes()] = add_accessor(self.root, self._blob, times, bounds=True)
-            sampler = {
-                "input": clocks[times.tobytes()],
-                "output": add_accessor(self.root, self._blob, np.asarray(values, dtype=np.float32)),
-                "interpolation": interpolation,
-            }
-            animation["samplers"].append(sampler)
-            target = {"node": node, "path": path}
-            animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
-        self._append("animations", animation)
+        new: Json = {"name": name}
+        add_channels(self.root, self._blob, new, (
+            ({"node": node, "path": path}, times, np.asarray(values, dtype=np.float32), interpolation)
+            for node, path, times, values, interpolation in tracks))  # fmt: skip
+        self._append("animations", new)
 
     def note(self, **facts: str) -> None:
         """Add entries to ``asset.extras.taubench_gl``, which this package reads; other entries are kept."""

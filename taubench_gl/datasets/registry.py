@@ -1,8 +1,8 @@
 """The registry of named scenes: those of the package and the user's.
 
 A registry is a TOML file with one table per scene (``[my-scene]``): ``title`` and ``format`` (``FORMATS``), and if
-known ``authors``, ``license``, ``homepage``, ``url`` (http or https), ``sha256`` of the file at the URL, ``scene``
-(path or pattern of the scene inside the archive), ``paper`` (its row in the paper's tables), ``recording``
+known ``authors``, ``license``, ``homepage``, ``url`` to download it from, ``sha256`` of its file, ``scene`` (path or
+pattern of the scene inside the archive), ``paper`` (its row in the paper's tables), ``recording``
 (the recorded game that it is made from), ``note``.  What a
 reproduction needs: ``unit_scale`` (units per meter), ``fps`` of the images (Table 4) and ``camera_fps`` of camera
 activity (Tables 2 and 3), ``frames`` ([first, last + 1], at ``fps``), ``camera``, ``light_unit``, ``exposure``,
@@ -125,25 +125,20 @@ def parse_registry(text: str, where: str) -> dict[str, Entry]:
     return out
 
 
-def known_name(entries: dict[str, Entry], name: str) -> str:
-    """The registry's spelling of ``name``, which may be the paper's (BistroInterior).  Raises DatasetError."""
+def find_entry(entries: dict[str, Entry], name: str) -> tuple[str, Entry]:
+    """The registry's name and entry of a scene.  ``name``: also as the paper spells it, BistroInterior.
+
+    Raises DatasetError.
+    """
     alike = [name] if name in entries else [entry for entry in entries if _letters(entry) == _letters(name)]
     if len(alike) != 1:
         raise DatasetError(f"no scene is named {name!r}", hint=f"known: {', '.join(sorted(entries))}")
-    return alike[0]
-
-
-def find_entry(entries: dict[str, Entry], name: str) -> tuple[str, Entry]:
-    """The registry's name and entry of a scene.  Raises DatasetError."""
-    entry_name = known_name(entries, name)
-    return entry_name, entries[entry_name]
+    return alike[0], entries[alike[0]]
 
 
 def _check(entry: Entry, at: str) -> None:
     if entry.format not in FORMATS:
         raise DatasetError(f"format {entry.format!r} is none of {', '.join(FORMATS)}", where=at)
-    if entry.url is not None and not re.match(r"https?://[^/\s]+/\S", entry.url):
-        raise DatasetError("url must be http:// or https:// and name a file", where=at)
     if entry.sha256 is not None and not re.fullmatch(r"[0-9a-f]{64}", entry.sha256):
         raise DatasetError("sha256 must be 64 hexadecimal digits", where=at)
     rates = (rate for rate in (entry.fps, entry.camera_fps) if rate is not None)

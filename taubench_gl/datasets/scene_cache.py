@@ -1,13 +1,11 @@
-"""The cache of named scenes: downloading, unpacking, and checksums.
+"""The cache of named scenes: unpacking, and checksums.
 
-``<cache>/<name>/`` holds the downloaded file, ``scene/`` with its contents, and ``record.json``: url, file, bytes,
-sha256 and the selected scene.  An interrupted download is continued; a file that differs from the first download is
-refused.
+``<cache>/<name>/`` holds ``scene/`` with the contents of the user's file, and ``record.json``: file, bytes, sha256 and
+the selected scene.
 """
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import lzma
 import os
@@ -20,11 +18,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
-from urllib.parse import unquote, urlsplit
+
+import msgspec
 
 from taubench_gl.data_files import hashed, opened, read_json
-from taubench_gl.datasets.download import Progress, fetch, forget
-from taubench_gl.datasets.registry import VARIABLE, Entry, known_name, load_registry
+from taubench_gl.datasets.registry import VARIABLE, Entry, find_entry, load_registry
 from taubench_gl.errors import DatasetError
 from taubench_gl.memory_budget import limit, over, shown_bytes
 from taubench_gl.outputs import copy_atomically, make_folders, remove_folders, write_atomically
@@ -65,12 +63,11 @@ TEXT_SUFFIXES = (".gltf", ".glb", ".obj", ".aff", ".nff")
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """The first download.  ``url`` is None for a file of the user."""
+    """What the scene was unpacked from: the name, size and checksum of the user's file."""
 
     file: str
     bytes: int
     sha256: str
-    url: str | None
     scene: str | None = None  # the file of the archive that the user selected
 
 
@@ -82,40 +79,20 @@ class CachedScene:
         self.folder = (cache or cache_folder()) / name
 
     def record(self) -> Record | None:
-        """The record of the first download; None if there is none.  Raises DatasetError if it is damaged."""
+        """The record of the file that was taken; None if there is none.  Raises DatasetError if it is damaged."""
         path = self.folder / "record.json"
         if not path.exists():
             return None
         hint = "delete it and get the scene again"
-        try:
-            record = Record(**read_json(path, Record, DatasetError, hint=hint))
-        except TypeError:
-            raise DatasetError("is damaged", where=str(path), hint=hint) from None
+        record = msgspec.convert(read_json(path, Record, DatasetError, hint=hint), Record)
         _require_inside(record.file, str(path))
         return record
 
-    def get(self, url: str | None = None, progress: Progress | None = None, scene: str | None = None) -> Path:
-        """Download and unpack, unless the cached file is complete.  -> the scene.  Raises DatasetError.
+    def take(self, source: Path, scene: str | None = None) -> Path:
+        """Unpack an archive, or copy a scene file.  -> the scene.  Raises DatasetError, and changes nothing.
 
         ``scene``: the file of the archive, if it holds several.
         """
-        if scene is not None:
-            _require_inside(scene, self.name)
-        url = url or self.entry.url
-        if url is None:
-            raise DatasetError(
-                f"{self.name}: the registry has no URL for this scene",
-                hint=f"download it from {self.entry.homepage or 'its homepage'}, then: get {self.name} --from FILE",
-            )
-        record = self.record()
-        expected = self.entry.sha256 or (record.sha256 if record and record.url == url else None)
-        target = self.folder / (PurePosixPath(unquote(urlsplit(url).path)).name or "download")
-        if not (record and record.file == target.name and target.is_file() and sha256_of(target) == record.sha256):
-            self._download(url, target, expected, progress)
-        return self._keep(target, url, scene)
-
-    def take(self, source: Path, scene: str | None = None) -> Path:
-        """Copy and unpack a file of the user.  -> the scene, as ``get``.  Raises DatasetError."""
         if scene is not None:
             _require_inside(scene, self.name)
         if not source.is_file():
@@ -125,31 +102,25 @@ class CachedScene:
         checksum = sha256_of(source)
         if self.entry.sha256 not in (None, checksum):
             raise DatasetError(f"has checksum {checksum}, the registry has {self.entry.sha256}", where=str(source))
+        old, kept, unpacked = self.record(), self.folder / "scene", self.folder / "unpacking"
+        same = old is not None and old.sha256 == checksum
+        new_folders: list[Path] = []
         try:
             new_folders = make_folders(self.folder)
+            shutil.rmtree(unpacked, ignore_errors=True)
+            if not (same and kept.is_dir()):
+                unpack(source, unpacked)
+                self._require_scene(source, unpacked)
+                shutil.rmtree(kept, ignore_errors=True)
+                unpacked.replace(kept)
         except OSError as e:
-            raise DatasetError(f"cannot be made: {e.strerror}", where=str(self.folder)) from None
-        try:
-            return self._keep(source, None, scene)
+            raise DatasetError(f"cannot be stored: {e.strerror}", where=str(self.folder)) from None
         finally:
+            shutil.rmtree(unpacked, ignore_errors=True)
             remove_folders(new_folders)  # as far as they are empty: where the file was refused
-
-    def verify(self) -> tuple[Record, Path]:
-        """Compare the cached file with its record.  -> record, scene.  Raises DatasetError."""
-        record = self.record()
-        if record is None:
-            raise DatasetError(f"{self.name} is not in {self.folder.parent}", hint=f"scenes get {self.name}")
-        path = self.folder / record.file
-        if not path.is_file():
-            raise DatasetError("is missing", where=str(path), hint=f"scenes get {self.name}")
-        checksum = sha256_of(path)
-        if checksum != record.sha256:
-            raise DatasetError(
-                f"has changed: checksum {checksum}, was {record.sha256}",
-                where=str(path),
-                hint="delete it and get it again",
-            )
-        return record, self.scene()
+        record = Record(source.name, source.stat().st_size, checksum, scene or (old.scene if same else None))
+        write_atomically(self.folder / "record.json", json.dumps(asdict(record), indent=2) + "\n")
+        return self.scene()
 
     def scene(self) -> Path:
         """The path to evaluate.  Raises DatasetError if it is not found."""
@@ -190,51 +161,6 @@ class CachedScene:
             out["environment"] = str(matches[0])
         return out
 
-    # ------------------------------------------------------------------------------------------------------- fetching
-    def _download(self, url: str, target: Path, expected: str | None, progress: Progress | None) -> None:
-        if importlib.util.find_spec("requests") is None:
-            hint = "pip install 'taubench-gl[datasets]'"
-            raise DatasetError("downloading requires the package requests", hint=hint)
-        part = self.folder / (target.name + ".part")
-        self.folder.mkdir(parents=True, exist_ok=True)
-        try:
-            fetch(url, part, progress)
-            if expected is not None and sha256_of(part) != expected:
-                forget(part)
-                hint = f"to accept it, delete {self.folder / 'record.json'} and get it again"
-                raise DatasetError("the file differs from the first download", where=url, hint=hint)
-            with opened(part, DatasetError) as file:
-                copy_atomically(file, target)
-        except OSError as e:
-            raise DatasetError(f"cannot be stored: {e.strerror or e}", where=str(target)) from None
-        forget(part)
-
-    def _keep(self, source: Path, url: str | None, selected: str | None) -> Path:
-        """Unpack a file, copy it to the cache, and write its record.  An invalid file changes nothing."""
-        old, checksum, target = self.record(), sha256_of(source), self.folder / source.name
-        if selected is None and old is not None and old.sha256 == checksum:
-            selected = old.scene
-        record = Record(target.name, source.stat().st_size, checksum, url, selected)
-        scene, unpacked = self.folder / "scene", self.folder / "unpacking"
-        fresh = old is None or old.sha256 != record.sha256 or not scene.is_dir()
-        shutil.rmtree(unpacked, ignore_errors=True)
-        try:
-            if fresh:
-                unpack(source, unpacked)
-                self._require_scene(source, unpacked)
-            if source.resolve() != target.resolve():
-                with opened(source, DatasetError) as file:
-                    copy_atomically(file, target)
-            if fresh:
-                shutil.rmtree(scene, ignore_errors=True)
-                unpacked.replace(scene)
-        except OSError as e:
-            raise DatasetError(f"cannot be copied: {e.strerror}", where=str(source)) from None
-        finally:
-            shutil.rmtree(unpacked, ignore_errors=True)
-        write_atomically(self.folder / "record.json", json.dumps(asdict(record), indent=2) + "\n")
-        return self.scene()
-
     def _require_scene(self, source: Path, folder: Path) -> None:
         """Raises DatasetError where nothing in ``folder`` can be the scene, whichever file is chosen."""
         suffixes = SUFFIXES[self.entry.format.removesuffix(" sequence")]
@@ -260,14 +186,13 @@ def find_named(text: str, cache: Path | None = None) -> CachedScene | None:
     name = text.removeprefix(PREFIX)
     if name == text and (not text or Path(text).suffix or os.sep in text or ":" in text or os.path.lexists(text)):
         return None
-    entries = registry_entries()
     try:
-        name = known_name(entries, name)
+        name, entry = find_entry(registry_entries(), name)
     except DatasetError:
         if text.startswith(PREFIX):
             raise
         return None
-    return CachedScene(name, entries[name], cache)
+    return CachedScene(name, entry, cache)
 
 
 def scene_text(cached: CachedScene) -> str:
@@ -275,7 +200,7 @@ def scene_text(cached: CachedScene) -> str:
     if cached.record() is None:
         raise DatasetError(
             f"{cached.name} is a known scene that is not in the cache",
-            hint=f"taubench-gl scenes get {cached.name}, with --from FILE for a local file",
+            hint=f"taubench-gl scenes get {cached.name} --from FILE",
         )
     rate = f"@{cached.entry.fps:g}" if cached.entry.format == "obj sequence" and cached.entry.fps is not None else ""
     return f"{cached.scene()}{rate}"

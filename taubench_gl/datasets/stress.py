@@ -218,7 +218,7 @@ def _movable(scene: Scene, state: FrameState) -> list[int]:
     """Visible rigid mesh nodes that are small compared with the scene."""
     centers, radii, nodes = [], [], []
     for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
-        points = [p.positions for p in scene.meshes[scene.nodes.mesh[node]].primitives if len(p.triangles)]
+        points = [p.positions for p in scene.primitives(node)]
         if not points or scene.nodes.skin[node] >= 0 or node in scene.nodes.instances:
             continue
         low, high = np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)

@@ -1,28 +1,23 @@
-"""Runs demos and writes their figures, HTML pages and notebooks to a folder."""
+"""Runs demos and writes their figures and HTML pages to a folder."""
 
 from __future__ import annotations
 
-import importlib.util
-import itertools
 import math
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
 
 from taubench_gl import __version__
-from taubench_gl.data_files import read_bytes, read_text
+from taubench_gl.data_files import read_bytes
 from taubench_gl.demos.demo import Array, ColorBar, Demo, Finding, Parameter, Result, value_texts
 from taubench_gl.demos.lessons import find_demo
 from taubench_gl.demos.sheet import WIDTH, as_bytes
 from taubench_gl.demos.stage import SIZE, LitPair, Stage
 from taubench_gl.demos.texts import LecturePart, minutes_text
-from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import open_gpu
@@ -32,7 +27,6 @@ from taubench_gl.report.page import Page, data_uri, macro, tag
 from taubench_gl.report.palette import color_of, hex_of
 
 INDEX_FILE = "index.html"
-NOTEBOOK_SIZE = (320, 180)
 FEW_COLORS = 64
 DEMO = "demo.html"
 """Template of the parts of the pages."""
@@ -244,26 +238,3 @@ def _links(around: Around, lecture: Sequence[LecturePart]) -> list[dict[str, str
     if after is not None:
         links.append(("next", f"{after.stem}.html", f"{_place(after, lecture)}. {after.text.title} →"))
     return [dict(zip(("rel", "file", "text"), link)) for link in links]
-
-
-def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SIZE) -> Path:
-    """Write ``NN-name.ipynb`` into ``folder``, not executed.  Raises OutputError; SettingsError without nbformat."""
-    if importlib.util.find_spec("nbformat") is None:
-        raise SettingsError("notebooks need nbformat", hint="run: pip install 'taubench-gl[notebook]'")
-    import nbformat
-    from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
-
-    filled = Template(read_text(Path(__file__).with_name("notebook.md"))).substitute(
-        number=demo.number, name=demo.name, title=demo.text.title, idea=demo.text.idea, question=demo.text.question,
-        look_for="\n".join(f"- {item}" for item in demo.text.look_for), width=size[0], height=size[1],
-    )  # fmt: skip
-    kinds = itertools.cycle((new_markdown_cell, new_code_cell))  # text, then the code of a fence, then text, ...
-    cells = [new(part) for new, part in zip(kinds, re.split(r"\n*```(?:python)?\n*", filled)) if part]
-    for i, cell in enumerate(cells):
-        cell["id"] = f"{demo.name}-{i}"  # reproducible file
-    notebook = new_notebook(cells=cells)
-    notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    nbformat.validate(notebook)
-    path = folder / f"{demo.stem}.ipynb"
-    write_atomically(path, nbformat.writes(notebook) + "\n")
-    return path

@@ -18,7 +18,7 @@ import numpy as np
 
 from taubench_gl.animation.pose import Poser, is_skinned, target_count
 from taubench_gl.animation.state import FrameState
-from taubench_gl.scene.model import Primitive, Scene
+from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
 
@@ -67,8 +67,8 @@ def census(scene: Scene, times: Iterable[float], poser: Poser | None = None) -> 
         "cameras": len(scene.camera_nodes),
         "cameras_dynamic": int(np.count_nonzero(changes.of_cameras)),
         "drawn_meshes": len(meshes),
-        "triangles": sum(_triangles(scene, n) * copies[n] for n in meshes),
-        "vertices": sum(_vertices(scene, n) * copies[n] for n in meshes),
+        "triangles": sum(len(p.triangles) * copies[n] for n, p in scene.drawn()),
+        "vertices": sum(len(p.positions) * copies[n] for n, p in scene.drawn()),
         "lights_per_frame": changes.lights_per_frame,
     }
 
@@ -80,8 +80,8 @@ class _Changes:
         self._scene = scene
         self._first: tuple[FrameState, _Lights] | None = None
         self._previous_lights: _Lights | None = None
-        self.meshes = np.array([n for n in scene.mesh_nodes.tolist() if _triangles(scene, n)], dtype=np.int64)
-        self.skinned = _flags(_is_deformed(scene, n) for n in self.meshes.tolist())  # of ``meshes``
+        self.meshes = np.array([n for n in scene.mesh_nodes.tolist() if scene.primitives(n)], dtype=np.int64)
+        self.skinned = _flags(any(is_skinned(scene, n, p) for p in scene.primitives(n)) for n in self.meshes.tolist())
         self.rigid = self.meshes[~self.skinned]
         self.morphing = [n for n in self.meshes.tolist() if target_count(scene, int(scene.nodes.mesh[n]))]
         self.of_rigid = np.zeros(len(self.rigid), dtype=bool)
@@ -168,19 +168,3 @@ def _magnitude(a: Array, b: Array) -> Array:
 
 def _flags(values: Iterable[bool]) -> Array:
     return np.fromiter(values, dtype=bool)
-
-
-def _primitives(scene: Scene, node: int) -> tuple[Primitive, ...]:
-    return scene.meshes[scene.nodes.mesh[node]].primitives
-
-
-def _is_deformed(scene: Scene, node: int) -> bool:
-    return any(is_skinned(scene, node, p) and len(p.triangles) for p in _primitives(scene, node))
-
-
-def _triangles(scene: Scene, node: int) -> int:
-    return sum(len(p.triangles) for p in _primitives(scene, node))
-
-
-def _vertices(scene: Scene, node: int) -> int:
-    return sum(len(p.positions) for p in _primitives(scene, node) if len(p.triangles))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation.pose import is_skinned
+from taubench_gl.animation.pose import is_skinned, moved_nodes
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.effects.path_tracing import (
     GLASS,
@@ -115,8 +115,7 @@ def as_summary(effects: dict[str, Effect]) -> dict[str, Any]:
 
 
 def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
-    nodes = scene.mesh_nodes.tolist()
-    primitives = [(n, p) for n in nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives if len(p.triangles)]
+    primitives = scene.drawn()
     skins = {int(scene.nodes.skin[n]) for n, p in primitives if is_skinned(scene, n, p)}
     morphed = {n for n, p in primitives if p.targets}
     drawn = drawn_materials(scene)
@@ -127,20 +126,15 @@ def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
         stochastic = settings.sequence.blend == "stochastic"
         alpha += f", {blended} blended (drawn {'with a probability of alpha' if stochastic else 'where alpha >= 0.5'})"
     seen = bool({"normal", *LIGHT_FEATURES} & set(settings.metrics.columns))
-    maps = _count(mapped, "primitive has one", "primitives have one")
+    maps, cuts = _count(mapped, "primitive has one", "primitives have one"), len(scene.replacements)
     return {
         "skinning": Effect(bool(skins), _count(len(skins), "skin deforms drawn meshes", "skins deform drawn meshes")),
         "morphing": Effect(bool(morphed), _count(len(morphed), "drawn mesh has targets", "drawn meshes have targets")),
         "alpha_mask": Effect(bool(masked + blended), alpha),
         "normal_maps": Effect(bool(mapped) and seen, maps if seen or not mapped else f"{maps}, no column needs them"),
         "previous_pose": _previous_pose(scene, settings),
-        "cuts": _cuts(scene),
+        "cuts": Effect(bool(cuts), _count(cuts, "surface replaces another", "surfaces replace others")),
     }
-
-
-def _cuts(scene: Scene) -> Effect:
-    count = len(scene.replacements)
-    return Effect(count > 0, _count(count, "surface replaces another", "surfaces replace others"))
 
 
 def _previous_pose(scene: Scene, settings: Settings) -> Effect:
@@ -178,7 +172,9 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     effects["sun"] = Effect(environment.sun is not None and needs_direct, has_sun)
     source = "lights, emitters or sky to scatter" if lit else "no light and no sky in the scene"
     effects["direct"] = direct = Effect(lit and needs_direct, source if needs_direct else "no column needs it")
-    shiny = sum(m.specular > 0 or m.metallic > 0 for m in drawn_materials(scene)) + _default_materials(scene)
+    materials = drawn_materials(scene)
+    of_default = len(scene.drawn()) - len(materials)  # glTF's default material is a rough metal
+    shiny = sum(m.specular > 0 or m.metallic > 0 for m in materials) + of_default
     effects["glossy"] = Effect(
         direct.enabled and shiny > 0,
         _count(shiny, "primitive has a glossy lobe", "primitives have a glossy lobe") if lit else source,
@@ -191,7 +187,7 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
         else f"{lights} lights, tile lists save time above {MANY_LIGHTS}",
     )
     effects["indirect"] = _indirect(effects, traced, direct.enabled and lights > 0, settings)
-    emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
+    emitters = sum(any(m.emissive) or m.unlit for m in materials)
     effects["emission"] = Effect(
         emitters > 0 and "color" in columns,
         _count(emitters, "primitive is emissive or unlit", "primitives are emissive or unlit"),
@@ -286,37 +282,14 @@ MANY_LIGHTS = 16
 
 def drawn_materials(scene: Scene) -> list[Material]:
     """The material of every drawn primitive that names one."""
-    return [
-        scene.materials[p.material]
-        for n in scene.mesh_nodes.tolist()
-        for p in scene.meshes[scene.nodes.mesh[n]].primitives
-        if len(p.triangles) and p.material >= 0
-    ]
-
-
-def _default_materials(scene: Scene) -> int:
-    """Drawn primitives without a material: glTF's default is a rough metal."""
-    primitives = (p for n in scene.mesh_nodes.tolist() for p in scene.meshes[scene.nodes.mesh[n]].primitives)
-    return sum(len(p.triangles) > 0 and p.material < 0 for p in primitives)
+    return [scene.materials[p.material] for _, p in scene.drawn() if p.material >= 0]
 
 
 def moves_by_itself(scene: Scene) -> bool:
     """Whether any channel can move a drawn surface: transforms above a mesh or joint, or morph weights."""
-    above = np.zeros(len(scene.nodes), dtype=bool)
-    for carrier in _carriers(scene):
-        node = carrier
-        while node >= 0 and not above[node]:
-            above[node] = True
-            node = int(scene.nodes.parent[node])
-    return any(c.target == "node" and (above[c.index] or c.path == "weights") for c in scene.channels)
-
-
-def _carriers(scene: Scene) -> Iterable[int]:
-    for node in scene.mesh_nodes.tolist():
-        yield node
-        skin = int(scene.nodes.skin[node])
-        if skin >= 0:
-            yield from scene.skins[skin].joints.tolist()
+    carriers = np.concatenate([scene.mesh_nodes, scene.joint_nodes])
+    moves = moved_nodes(scene, scene.channels)[carriers].any()
+    return bool(moves) or any(c.target == "node" and c.path == "weights" for c in scene.channels)
 
 
 def _count(n: int, one: str, many: str) -> str:

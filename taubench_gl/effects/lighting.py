@@ -126,9 +126,7 @@ def own_light(scene: Scene) -> str | None:
         return "the file has an environment"
     if scene.image_based_light:
         return "the file has an image-based light, which is not simulated"
-    primitives = (p for n in scene.mesh_nodes.tolist() for p in scene.meshes[scene.nodes.mesh[n]].primitives)
-    drawn = {p.material for p in primitives if len(p.triangles) and p.material >= 0}
-    if any(counts_as_light(scene.materials[m]) for m in drawn):
+    if any(counts_as_light(scene.materials[p.material]) for _, p in scene.drawn() if p.material >= 0):
         return "the file has emissive materials of strength above 1"
     return None
 

@@ -32,7 +32,7 @@ def emitters(scene: Scene, settings: Settings) -> frozenset[int]:
 
     With ``path-traced`` all that emit, else those that count as light.
     """
-    used = {p.material for n in scene.mesh_nodes.tolist() for p in _primitives(scene, n) if len(p.triangles)} - {-1}
+    used = {p.material for _, p in scene.drawn()} - {-1}
     is_light = emits if method_of(settings) == "path-traced" else counts_as_light
     return frozenset(m for m in used if is_light(scene.materials[m]))
 
@@ -40,8 +40,7 @@ def emitters(scene: Scene, settings: Settings) -> frozenset[int]:
 def emissive_surfaces(scene: Scene, settings: Settings) -> int:
     """Drawn primitives with a material of ``emitters``."""
     found = emitters(scene, settings)
-    drawn = (p for n in scene.mesh_nodes.tolist() for p in _primitives(scene, n) if len(p.triangles))
-    return sum(p.material in found for p in drawn)
+    return sum(p.material in found for _, p in scene.drawn())
 
 
 def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
@@ -150,7 +149,7 @@ def left_out(scene: Scene, settings: Settings) -> list[Note]:
     """What raster light leaves out of surfaces that path-traced light has."""
     if method_of(settings) == "path-traced":
         return []
-    used = {n: {p.material for p in _primitives(scene, n) if len(p.triangles)} for n in scene.mesh_nodes.tolist()}
+    used = {n: {p.material for p in scene.primitives(n)} for n in scene.mesh_nodes.tolist()}
     preview = "preview: " if method_of(settings) in PREVIEWED else ""
     out = []
     for need, what, consequence in _LEFT_OUT:
@@ -175,7 +174,3 @@ _LEFT_OUT: tuple[tuple[Callable[[Material], bool], str, str], ...] = (
         "drawn with an index of refraction of 1.5 and a white lobe",
     ),
 )
-
-
-def _primitives(scene: Scene, node: int) -> tuple[Any, ...]:
-    return scene.meshes[scene.nodes.mesh[node]].primitives

@@ -68,7 +68,7 @@ def appearance_notes(
 
 def blended_materials(scene: Scene) -> frozenset[int]:
     """Materials of alpha mode BLEND that are drawn."""
-    used = {p.material for n in scene.mesh_nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives}
+    used = {p.material for _, p in scene.drawn()}
     return frozenset(i for i in used if i >= 0 and scene.materials[i].alpha_mode == "BLEND")
 
 
@@ -83,7 +83,7 @@ def transparency_notes(scene: Scene, blend: str, seen: Surfaces | None = None, w
     ``seen``: the image of the opaque scene; None: nothing was drawn, and only materials whose own alpha is below 0.5
     are known.
     """
-    used = {p.material for n in scene.mesh_nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives}
+    used = {p.material for _, p in scene.drawn()}
     if used and blend != "opaque" and all(is_invisible(scene, i) for i in used):
         how = "all surfaces have opacity 0, and nothing is drawn: --blend opaque draws them"
         return [f"{how} ({len(used)} material{'s' * (len(used) > 1)})"]
@@ -96,9 +96,7 @@ def transparency_notes(scene: Scene, blend: str, seen: Surfaces | None = None, w
     if not faint:
         return []
     names = listed(scene.materials[i].name or f"number {i}" for i in sorted(faint))
-    objects = sum(
-        any(p.material in faint for p in scene.meshes[scene.nodes.mesh[n]].primitives) for n in scene.mesh_nodes
-    )
+    objects = len({node for node, p in scene.drawn() if p.material in faint})
     counted = f"{len(faint)} material{'s' * (len(faint) > 1)} ({names}), {objects} object{'s' * (objects != 1)}"
     if pixels is not None:
         counted += f", {pixels:.1f} % {where}"

@@ -105,7 +105,7 @@ def read_preview(
         return source.read(name, previous=True), source.read(name)
 
     found = evaluator.distances().features
-    distances = {name: found[name] for name in columns}
+    distances = {name: found[name].copy() for name in columns}  # a view would hold the distances of all columns
     at_px = np.stack([across + motion[..., 0], (height - 1) - up.astype(np.float64)], axis=-1)
     if same is not None:
         return replace(same, words=evaluator.mask(), distances=distances, at_px=at_px)

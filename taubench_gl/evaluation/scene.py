@@ -223,7 +223,7 @@ def evaluate_scene(
 
 def require_triangles(scene: Scene) -> None:
     """Raises SceneError if the scene has no triangles, with its contents as the hint."""
-    if not any(len(p.triangles) for n in scene.mesh_nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives):
+    if not scene.drawn():
         raise SceneError("no mesh with triangles to draw", where=str(scene.path or scene.name), hint=_contents(scene))
 
 

@@ -154,7 +154,8 @@ class SceneBuffers:
         self.shown = shown
         commands = self._whole.copy()
         commands["instances"][~shown] = 0
-        self.shown_triangles = int(commands["count"].astype(np.int64) @ commands["instances"]) // 3
+        self._triangles = triangles_of(commands)
+        self.shown_triangles = int(self._triangles.sum())
         self.seen_groups = [g for g in self.groups if shown[g.first : g.first + g.count].any()]
         if len(commands):
             self._commands.write(commands.tobytes())
@@ -199,7 +200,8 @@ class SceneBuffers:
 
     def draw(self, group: Group, program: moderngl.Program) -> None:
         """Issue the commands of one group with ``program`` (its state must be set)."""
-        self.draw_commands(group, program, self._commands, group.first, group.count, self.records)
+        triangles = self._triangles[group.first : group.first + group.count]
+        self.draw_commands(group, program, self._commands, group.first, triangles, self.records)
 
     def draw_commands(
         self,
@@ -207,17 +209,18 @@ class SceneBuffers:
         program: moderngl.Program,
         commands: moderngl.Buffer,
         first: int,
-        count: int,
+        triangles: Array,
         records: moderngl.Buffer,
     ) -> None:
-        """Issue ``count`` commands of a buffer made by ``subset``, all of them of ``group``.
+        """Issue the commands from ``first`` on, of so many ``triangles`` (N,), of a buffer made by ``subset``.
 
-        ``records``: RECORD rows of the draws in ``order``.
+        All of them are of ``group``.  ``records``: RECORD rows of the draws in ``order``.
         """
         key = (group.posed, program.glo, records.glo)
         if key not in self._vaos:
             self._vaos[key] = self._vertex_array(self.pools[group.posed], program, records)
-        self._vaos[key].render_indirect(commands, self._gpu.ctx.TRIANGLES, count, first)
+        for begin, end in self._gpu.portions(triangles):
+            self._vaos[key].render_indirect(commands, self._gpu.ctx.TRIANGLES, end - begin, first + begin)
 
     def _vertex_array(
         self, pool: dict[str, moderngl.Buffer], program: moderngl.Program, records: moderngl.Buffer
@@ -243,6 +246,11 @@ class SceneBuffers:
             vao.release()
         for buffer in (*self.pools[True].values(), self.records, self._commands):
             buffer.release()
+
+
+def triangles_of(commands: Array) -> Array:
+    """Triangles of COMMAND records, every instance counted.  (N,) int64."""
+    return commands["count"].astype(np.int64) * commands["instances"] // 3
 
 
 def record_attributes(names: Container[str]) -> tuple[str, list[str]]:

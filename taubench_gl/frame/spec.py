@@ -99,14 +99,8 @@ class AnimatedScene:
 
     @cached_property
     def drawn(self) -> list[tuple[int, Primitive]]:
-        """(node, primitive) of everything that is drawn, in node order; instances are not repeated."""
-        scene = self.scene
-        return [
-            (node, p)
-            for node in scene.mesh_nodes.tolist()
-            for p in scene.meshes[scene.nodes.mesh[node]].primitives
-            if len(p.triangles)
-        ]
+        """``Scene.drawn``, made once."""
+        return self.scene.drawn()
 
 
 SHADOW_TRIANGLES = 24_000_000

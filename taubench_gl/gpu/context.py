@@ -11,9 +11,11 @@ import ctypes
 import os
 import re
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.hazards import Hazards
@@ -40,6 +42,9 @@ _OSMESA_PROFILE, _OSMESA_CORE_PROFILE = 0x33, 0x34
 _OSMESA_MAJOR, _OSMESA_MINOR = 0x36, 0x37
 _OSMESA_RGBA = 0x1908
 
+SUBMITTED_TRIANGLES = 1 << 19
+"""Triangles that llvmpipe may have to draw at a time (``Gpu.portions``)."""
+
 
 @dataclass(slots=True)
 class Gpu:
@@ -54,6 +59,7 @@ class Gpu:
     _keep: Any = field(default=None, repr=False)  # objects the context needs alive
     _function: Callable[[str], int] = field(default=lambda name: 0, repr=False)  # address of a GL function
     _entered: int = field(default=0, repr=False)  # how many ``with`` blocks are open
+    _submitted: int = field(default=0, repr=False)  # triangles since llvmpipe was waited for
     _nothing: moderngl.Framebuffer | None = field(default=None, repr=False)  # framebuffer 0
     hazards: Hazards | None = field(default=None, repr=False)  # barriers; one for all copies of this record
     shared: Shared = field(default_factory=Shared, repr=False)  # one for all copies of this record
@@ -88,6 +94,22 @@ class Gpu:
     def finish(self) -> None:
         """Wait until everything submitted is done."""
         self.ctx.finish()
+
+    def portions(self, triangles: np.ndarray) -> Iterator[tuple[int, int]]:
+        """First and end of the draws, of so many ``triangles`` (N,), to submit at a time.
+
+        llvmpipe keeps what it has made of triangles, some 250 bytes of each, in up to 64 buffers of 36 MB, which it
+        fills while others are drawn and does not free: it has to wait before there are more than a few of them.
+        """
+        submitted, first = self._submitted + np.cumsum(triangles), 0
+        self._submitted = int(submitted[-1]) % SUBMITTED_TRIANGLES
+        if self.software and submitted[-1] >= SUBMITTED_TRIANGLES:
+            for end in np.flatnonzero(np.diff(submitted // SUBMITTED_TRIANGLES, prepend=0)) + 1:
+                yield first, int(end)
+                self.finish()
+                first = int(end)
+        if first < len(triangles):
+            yield first, len(triangles)
 
     def flush(self) -> None:
         """Let everything submitted begin, without waiting: llvmpipe otherwise draws only what it must."""

@@ -8,6 +8,9 @@ so no such method can have a smaller squared error, in any pixel, than I + w* (H
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import reduce
+
 import numpy as np
 
 Array = np.ndarray
@@ -16,12 +19,20 @@ ON_SEGMENT = 1e-5
 """A result is on the segment within this share of its largest color: a few roundings of float32, also after YCoCg."""
 
 
+def channels(operation: Callable[[Array, Array], Array], values: Array) -> Array:
+    """``operation``, such as ``np.add``, over the last axis of (..., c).
+
+    NumPy's reduction has the same order and takes 16 times as long for three channels.
+    """
+    return reduce(operation, np.moveaxis(values, -1, 0))
+
+
 def nearest_weight(reference: Array, now: Array, history: Array) -> Array:
     """w* = clamp(<R - I, H - I> / <H - I, H - I>, 0, 1); 0 where H equals I.  (..., 3) each -> (...) float64."""
     reference, now, history = (np.asarray(x, dtype=np.float64) for x in (reference, now, history))
     direction = history - now
-    square = (direction**2).sum(axis=-1)
-    along = ((reference - now) * direction).sum(axis=-1)
+    square = channels(np.add, direction**2)
+    along = channels(np.add, (reference - now) * direction)
     return np.clip(np.divide(along, square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)
 
 
@@ -31,9 +42,8 @@ def nearest_clipped_weight(reference: Array, now: Array, history: Array, white: 
     (n, m, 3) each, and ``weight`` (n, m) of ``nearest_weight`` -> (n, m) float64.  Between the weights at which a
     channel crosses white, the squared error is a parabola in w; the smallest of its minima is that of all weights.
     """
-    bright = (np.maximum(np.maximum(now, history), reference) > white).any(
-        axis=-1
-    )  # clipping changes nothing elsewhere
+    # Clipping changes nothing elsewhere.
+    bright = channels(np.logical_or, np.maximum(np.maximum(now, history), reference) > white)
     reference, now, history = (np.asarray(x[bright], dtype=np.float64) for x in (reference, now, history))
     weight = weight.copy()
     weight[bright] = _least_of_parts(np.minimum(reference, white), now, history, white)
@@ -49,9 +59,9 @@ def _least_of_parts(reference: Array, now: Array, history: Array, white: float) 
     best, least = np.zeros(len(now)), np.full(len(now), np.inf)
     for low, high in zip(ends.T, ends.T[1:], strict=False):
         varies = direction * (blend(now, history, 0.5 * (low + high)) < white)
-        square, along = (varies**2).sum(axis=-1), ((reference - now) * varies).sum(axis=-1)
+        square, along = channels(np.add, varies**2), channels(np.add, (reference - now) * varies)
         weight = np.clip(np.divide(along, square, out=low.copy(), where=square > 0.0), low, high)
-        error = ((np.minimum(blend(now, history, weight), white) - reference) ** 2).sum(axis=-1)
+        error = channels(np.add, (np.minimum(blend(now, history, weight), white) - reference) ** 2)
         best, least = np.where(error < least, weight, best), np.minimum(error, least)
     return best
 
@@ -64,8 +74,9 @@ def blend(now: Array, history: Array, weight: Array) -> Array:
 
 def on_segment(result: Array, now: Array, history: Array) -> Array:
     """Whether a result is a blend of input and history, up to rounding (ON_SEGMENT).  (..., 3) each -> (...) bool."""
-    distance = np.linalg.norm(result - blend(now, history, nearest_weight(result, now, history)), axis=-1)
-    largest = np.max(np.abs(np.stack(np.broadcast_arrays(result, now, history))), axis=(0, -1))
+    off = result - blend(now, history, nearest_weight(result, now, history))
+    largest = channels(np.maximum, reduce(np.maximum, (np.abs(x) for x in (result, now, history))))
+    distance = np.sqrt(channels(np.add, off**2))
     return distance <= ON_SEGMENT * largest + 1e-9
 
 
@@ -76,8 +87,8 @@ def effective_weight(weight: Array, now: Array, fetched: Array, used: Array) -> 
     moved the history as far as the input is away, such as onto the input.  Where H = I there is nothing to lose: w.
     """
     now, fetched, used = (np.asarray(x, dtype=np.float64) for x in (now, fetched, used))
-    moved, away = (np.linalg.norm(x, axis=-1) for x in (used - fetched, fetched - now))
-    moved = np.maximum(moved - ON_SEGMENT * np.abs(fetched).max(axis=-1), 0.0)  # rounding is no rectification
+    moved, away = (np.sqrt(channels(np.add, x**2)) for x in (used - fetched, fetched - now))
+    moved = np.maximum(moved - ON_SEGMENT * channels(np.maximum, np.abs(fetched)), 0.0)  # rounding is no rectification
     share = np.divide(moved, away, out=np.zeros_like(away), where=away > 0)
     return np.asarray(weight, dtype=np.float64) * (1.0 - np.minimum(share, 1.0))
 

@@ -2,7 +2,6 @@
 
 - ``scenes``: which scenes are there, as datasets or as stand-ins
 - ``study``: jobs of a batch, and their results
-- ``estimate``: seconds that the jobs will take
 - ``fit``: the thresholds that the paper did not publish, from datasets
 - ``tables``, ``figures``, ``output``: Tables 1 to 4 beside the paper's, Figures 1 and 2, page and LaTeX file
 """

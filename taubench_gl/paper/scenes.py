@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
-from taubench_gl.datasets.registry import Entry, known_name
+from taubench_gl.datasets.registry import Entry, find_entry
 from taubench_gl.datasets.scene_cache import CachedScene, registry_entries
 from taubench_gl.datasets.stand_ins import FITTED, STAND_INS
 from taubench_gl.errors import DatasetError, TaubenchError
@@ -66,7 +66,7 @@ def find_scenes(names: Sequence[str], resolve: Resolver) -> AvailableScenes:
     is not there, and for a name that is not of the paper.
     """
     entries = paper_entries()
-    selected = list(dict.fromkeys(known_name(entries, name) for name in names))
+    selected = list(dict.fromkeys(find_entry(entries, name)[0] for name in names))
     scenes: list[PaperScene] = []
     missing: dict[str, str] = {}
     for name in selected or entries:
@@ -86,7 +86,7 @@ def _find(name: str, entry: Entry, resolve: Resolver) -> PaperScene:
         environment = {key: settings[key] for key in ("environment",) if key in settings}
         return PaperScene(name, row, DATASET, path, settings, activity | environment)
     if name not in STAND_INS:
-        hint = f"taubench-gl scenes get {name}, with --from FILE for a local file"
+        hint = f"taubench-gl scenes get {name} --from FILE"
         raise DatasetError("is not in the cache and has no stand-in", where=name, hint=hint)
     rates = {"fps": entry.fps} if entry.fps is not None else {}
     return PaperScene(name, row, STAND_IN, str(scene_file(SceneRecipe(name))), rates, {"fps": activity["fps"]}, FITTED)

@@ -10,7 +10,7 @@ from typing import Any
 
 from taubench_gl.batch.merge import job_folder
 from taubench_gl.batch.spec import BatchSpec, Job, job_id
-from taubench_gl.batch.study import batch_store, run_batch
+from taubench_gl.batch.study import MIN_CHUNK_PAIRS, batch_store, run_batch
 from taubench_gl.option_groups import PaperOptions
 from taubench_gl.paper.scenes import RENDER_FPS, PaperScene
 from taubench_gl.run import Run, load_run
@@ -26,8 +26,6 @@ ONE_PAIR = "every:9999999"
 """A sample of one pair: the counts and the camera's activity need no image, and are of all frames."""
 
 CAMERA_SIZE = (160, 90)
-UNIT_SECONDS = 60.0
-"""Most seconds of a unit of work, as far as pairs can be split: what a killed run loses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +86,6 @@ def _job(scene: PaperScene, part: str, settings: dict[str, Any], lobes: tuple[st
 def run_jobs(
     jobs: Sequence[SceneJobs],
     out: Path,
-    seconds: float | None,
     *,
     workers: int = 0,
     chunk: int | None = None,
@@ -96,11 +93,12 @@ def run_jobs(
 ) -> list[SceneResult]:
     """Run what is not finished in the batch of ``out``.  Raises TaubenchError.
 
-    ``seconds``: of the slowest pair, which limits the pairs of a unit; None: not known.  ``workers``, ``chunk``: as of
-    ``run_batch``.
+    ``workers``, ``chunk``: as of ``run_batch``; path-traced images have few pairs in a unit by default.
     """
-    if chunk is None and seconds is not None:
-        chunk = max(1, min(32, int(UNIT_SECONDS / max(seconds, 1e-3))))
+    if chunk is None and any(
+        job.settings.lighting.light == "path-traced" for scene in jobs for job in scene.images.values()
+    ):
+        chunk = MIN_CHUNK_PAIRS  # a pair takes minutes, and a killed run loses its unit
     spec = BatchSpec("paper", tuple(job for scene in jobs for job in scene.parts.values()))
     failed = run_batch(spec, out / RUNS, workers=workers, chunk=chunk, listener=listener).failed
     store, results = batch_store(out / RUNS), []

@@ -19,19 +19,21 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
+from msgspec import Meta, Struct
 
 from taubench_gl import math3d
 from taubench_gl.animation import CameraTrack, Poser, View
-from taubench_gl.data_files import read_json
+from taubench_gl.data_files import convert, one_line, read_json
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.fit import fit_camera
 from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.scene.model import Camera, Scene
 
 Array = np.ndarray
+Row = tuple[float, float, float, float]
 CAMERA_SCHEMA = "taubench-gl/camera/1"
 CAMERA_FILE = "camera.json"
 """Name of the sidecar in a folder of frames."""
@@ -63,28 +65,43 @@ class CameraFile:
     size: tuple[int, int] | None = None  # width, height in pixels
 
 
+class _Entry(Struct):
+    """A frame of a sidecar, with the keys that all frames share."""
+
+    world_from_view: tuple[Row, Row, Row, Row] | None = None
+    position: tuple[float, float, float] | None = None
+    rotation: Row | None = None
+    kind: Literal["perspective", "orthographic"] = "perspective"
+    yfov: float | None = None
+    ymag: float | None = None
+    znear: float | None = None
+    zfar: float | None = None
+    shift: float | None = None
+
+
+class _Sidecar(Struct):
+    schema: Literal["taubench-gl/camera/1"]
+    frames: Annotated[dict[Annotated[str, Meta(pattern="^-?[0-9]{1,9}$")], dict[str, Any]], Meta(min_length=1)]
+    camera: dict[str, Any] = {}
+    fps: float | None = None
+    width: float | None = None
+    height: float | None = None
+
+
 def read_camera_file(path: str | Path) -> CameraFile:
-    """Read a sidecar.  Raises PathTracedError with a JSON pointer to the fault."""
-    path = Path(path)
-    values = read_json(path, fault=PathTracedError, hint="give a camera file, as 'reference render' writes it")
-    if not isinstance(values, dict) or values.get("schema") != CAMERA_SCHEMA:
-        schema = values.get("schema") if isinstance(values, dict) else type(values).__name__
-        raise PathTracedError(f"schema is {schema!r}, expected {CAMERA_SCHEMA!r}", where=str(path))
-    frames, shared = values.get("frames"), values.get("camera", {})
-    if not isinstance(frames, dict) or not frames or not isinstance(shared, dict):
-        raise PathTracedError("has no frames", where=f"{path}#/frames", hint="one entry per frame number")
+    """Read a sidecar.  Raises PathTracedError with a JSON pointer to the faulty frame."""
+    hint = "give a camera file, as 'reference render' writes it"
+    file = convert(read_json(path, _Sidecar, PathTracedError, hint=hint), _Sidecar)
     views, matrices = {}, {}
-    for key, entry in frames.items():
-        where = f"{path}#/frames/{key}"
-        if not key.lstrip("-").isdecimal() or not isinstance(entry, dict):
-            raise PathTracedError("is no frame", where=where, hint='write "12": {"world_from_view": ...}')
-        whole = shared | entry
-        view = views[int(key)] = _read_view(whole, where)
-        whole = whole.get("world_from_view", math3d.affine(view.world_from_view, view.position))
-        matrices[int(key)] = np.asarray(whole, dtype=np.float64)
-    fps = _number(values, "fps", str(path))
-    width, height = (_number(values, name, str(path)) for name in ("width", "height"))
-    return CameraFile(views, matrices, fps, None if width is None or height is None else (int(width), int(height)))
+    for number, frame in file.frames.items():
+        where = f"{path}#/frames/{number}"
+        with one_line(where, PathTracedError):
+            entry = convert(file.camera | frame, _Entry)
+        view = views[int(number)] = _read_view(entry, where)
+        matrix = entry.world_from_view or math3d.affine(view.world_from_view, view.position)
+        matrices[int(number)] = np.asarray(matrix, dtype=np.float64)
+    size = None if file.width is None or file.height is None else (int(file.width), int(file.height))
+    return CameraFile(views, matrices, file.fps, size)
 
 
 def camera_file_text(views: Mapping[int, View], fps: float, size: tuple[int, int]) -> str:
@@ -107,56 +124,29 @@ def camera_entry(view: View) -> dict[str, Any]:
     return {"world_from_view": matrix, "kind": camera.kind, **lens, "znear": camera.znear, "zfar": zfar} | shift
 
 
-def _read_view(entry: dict[str, Any], where: str) -> View:
-    if "world_from_view" in entry:
-        matrix = _array(entry["world_from_view"], (4, 4), f"{where}/world_from_view")
+def _read_view(entry: _Entry, where: str) -> View:
+    if entry.world_from_view is not None:
+        matrix = np.array(entry.world_from_view)
         rotation, position = matrix[:3, :3], matrix[:3, 3]
-    elif "position" in entry and "rotation" in entry:
-        position = _array(entry["position"], (3,), f"{where}/position")
-        rotation = math3d.mat3_from_quat(_array(entry["rotation"], (4,), f"{where}/rotation"))
+    elif entry.position is not None and entry.rotation is not None:
+        position, rotation = np.array(entry.position), math3d.mat3_from_quat(np.array(entry.rotation))
     else:
         raise PathTracedError("has no pose", where=where, hint="give world_from_view, or position and rotation")
     if abs(np.linalg.det(rotation) - 1) > 1e-3 or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
         hint = "right-handed and without scale; -Z looks forward"
         raise PathTracedError("is not a rotation", where=where, hint=hint)
-    kind = entry.get("kind", "perspective")
-    if kind not in ("perspective", "orthographic"):
-        raise PathTracedError(f"kind is {kind!r}", where=where, hint="choose from perspective, orthographic")
-    lens = "yfov" if kind == "perspective" else "ymag"
-    values = {name: _number(entry, name, where) for name in _INTRINSICS}
-    if values[lens] is None:
-        hint = "radians" if lens == "yfov" else "half the height, meters"
-        raise PathTracedError(f"has no {lens}", where=where, hint=hint)
-    most = math.pi if lens == "yfov" else math.inf
-    if not 0 < values[lens] < most:
-        raise PathTracedError(f"{lens} is {values[lens]}", where=where, hint=f"give a number between 0 and {most:g}")
-    intrinsics = {name: value for name, value in values.items() if value is not None}
-    if kind == "orthographic":
+    intrinsics = {name: value for name in _INTRINSICS if (value := getattr(entry, name)) is not None}
+    lens, most, unit = ("yfov", math.pi, "radians") if entry.kind == "perspective" else ("ymag", math.inf, "meters")
+    if not 0 < intrinsics.get(lens, 0.0) < most:
+        hint = f"give {unit} between 0 and {most:g}"
+        raise PathTracedError(f"{lens} is {intrinsics.get(lens, 'missing')}", where=where, hint=hint)
+    if entry.kind == "orthographic":
         intrinsics.setdefault("zfar", _ORTHOGRAPHIC_ZFAR)
         intrinsics["xmag"] = intrinsics["ymag"]
-    camera = Camera(kind=kind, **intrinsics)
+    camera = Camera(kind=entry.kind, **intrinsics)
     if not 0 <= camera.znear < camera.zfar:
         raise PathTracedError(f"znear {camera.znear} is not below zfar {camera.zfar}", where=where)
-    return View(position, math3d.orthonormal(rotation), camera, shift=_number(entry, "shift", where) or 0.0)
-
-
-def _array(value: Any, shape: tuple[int, ...], where: str) -> Array:
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.zeros(0)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise PathTracedError(f"is not {'x'.join(map(str, shape))} finite numbers", where=where)
-    return array
-
-
-def _number(values: dict[str, Any], name: str, where: str) -> float | None:
-    value = values.get(name)
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise PathTracedError(f"{name} is {value!r}, expected a number", where=where)
-    return float(value)
+    return View(position, math3d.orthonormal(rotation), camera, shift=entry.shift or 0.0)
 
 
 class PathTracedCamera(Protocol):

@@ -1,12 +1,11 @@
 """Compares a run with a reference run of the same frames: columns, masks per pixel, features, seconds per frame.
 
-Works without OpenGL.  ``compare_runs`` compares, ``save_comparison`` writes text, JSON, HTML and an image.
+Works without OpenGL.  ``compare_runs`` compares, ``compare_report`` makes tables of the result.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +13,17 @@ import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from taubench_gl.conventions import MIXED, mixed_definitions
-from taubench_gl.data_files import read_bytes, stored_arrays
+from taubench_gl.data_files import stored_arrays
 from taubench_gl.errors import OutputError
 from taubench_gl.features import COLUMN_BITS, COLUMNS, LIGHT_FEATURES
 from taubench_gl.metrics.feature_errors import FeatureErrors
-from taubench_gl.outputs import output_folder, remove_files, write_atomically
-from taubench_gl.pathtraced.compare_report import comparison_html, comparison_text, save_worst_image
 from taubench_gl.run import Run, load_run
 
 Array = np.ndarray
 Summary = Mapping[str, Any]
 SCHEMA = "taubench-gl/reference-comparison/1"
 NO_MASKS = "masks were not saved by both runs (evaluate them with --save masks,channels)"
-NO_CHANNELS = "channels were not saved by both runs (evaluate them with --save masks,channels)"
+NO_CHANNELS = "no surface is in channels that both runs saved (evaluate them with --save masks,channels)"
 _MASKS, _CHANNELS = "masks/mask_{:05d}.npz", "channels/channels_{:05d}.npz"
 _COMPARED_SETTINGS = (
     "fps", "reprojection", "sampling", "thresholds", "unit_scale", "exposure", "environment", "tone_map",
@@ -105,29 +102,6 @@ def _measures(run: Run, column: str) -> bool:
     return ((run.summary.get("discard") or {}).get(column) or {}).get("mean_percent") is not None
 
 
-def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
-    """Write comparison.txt, comparison.json, comparison.html (one file) and, with masks, worst.png to ``out``.
-
-    ``result``: from ``compare_runs``, of two runs on disk.  Returns the files written.  Raises OutputError.
-    """
-    out = output_folder(out)
-    remove_files(out, ("worst.png",))  # of an earlier comparison; this one may have no masks
-    files = []
-    image = None
-    if "frame" in result["worst"]:
-        files.append(save_worst_image(out / "worst.png", result, *_worst_arrays(result)))
-        image = read_bytes(files[0])
-    texts = {
-        "comparison.txt": "\n".join(comparison_text(result)) + "\n",
-        "comparison.json": json.dumps(result, indent=2, allow_nan=False) + "\n",
-        "comparison.html": comparison_html(result, image),
-    }
-    for name, text in texts.items():
-        write_atomically(out / name, text)
-        files.append(out / name)
-    return files
-
-
 def mask_agreement(first: Array, second: Array) -> tuple[int, int, int, int]:
     """Pixel counts of two masks, (h, w) bool: intersection, union, equal outside the band, all outside the band.
 
@@ -201,21 +175,20 @@ def _column(a: Run, b: Run, column: str, frames: list[int]) -> dict[str, Any]:
 
 def _masks(a: Run, b: Run, frames: list[int]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The blocks ``masks`` and ``worst``."""
-    pairs = _saved_pairs(a.out, b.out, frames, _MASKS)
-    if not pairs:
-        return {"reason": NO_MASKS}, {"reason": NO_MASKS}
     bits = {
         name: int(bit) for name, bit in COLUMN_BITS.items() if all(r.frames[0].get(name) is not None for r in (a, b))
     }
-    compared = sum(bits.values())
+    compared = np.uint32(sum(bits.values()))
     sums = {name: np.zeros(4, dtype=np.int64) for name in bits}
-    worst = (-1, 0)  # differing pixels, -frame: the first of equally bad pairs
-    for frame, *saved in pairs:
+    worst = None  # differing pixels, -frame: the first of equally bad pairs
+    for frame, *saved in _saved_pairs(a.out, b.out, frames, _MASKS):
         words = [arrays["mask"].astype(np.uint32) for arrays in saved]
         for name, bit in bits.items():
             sums[name] += mask_agreement(*((word & bit) != 0 for word in words))
-        differ = int(np.count_nonzero((words[0] ^ words[1]) & np.uint32(compared)))
-        worst = max(worst, (differ, -frame))
+        differ = int(np.count_nonzero((words[0] ^ words[1]) & compared))
+        worst = max(worst or (differ, -frame), (differ, -frame))
+    if worst is None:
+        return {"reason": NO_MASKS}, {"reason": NO_MASKS}
     out = {}
     for name, (intersection, union, equal, outside) in sums.items():
         out[name] = {
@@ -224,19 +197,16 @@ def _masks(a: Run, b: Run, frames: list[int]) -> tuple[dict[str, Any], dict[str,
             "pixels": int(union),
         }
     pixels = a.summary["settings"]["width"] * a.summary["settings"]["height"]
-    return out, {"frame": -worst[1], "differing_percent": 100.0 * worst[0] / pixels, "compared_bits": compared}
+    return out, {"frame": -worst[1], "differing_percent": 100.0 * worst[0] / pixels}
 
 
 def _features(a: Run, b: Run, frames: list[int]) -> dict[str, Any]:
-    pairs = _saved_pairs(a.out, b.out, frames, _CHANNELS)
-    if not pairs:
-        return {"reason": NO_CHANNELS}
     settings = b.summary["settings"]
     scale = settings.get("unit_scale") or 1.0
     errors = FeatureErrors(same_place_m=settings["thresholds"]["position"], unit_scale=scale)
-    for _, first, second in pairs:
+    for _, first, second in _saved_pairs(a.out, b.out, frames, _CHANNELS):
         errors.add(first, second)
-    return errors.summary()
+    return errors.summary() or {"reason": NO_CHANNELS}
 
 
 def _time(a: Run, b: Run) -> dict[str, Any]:
@@ -248,43 +218,16 @@ def _time(a: Run, b: Run) -> dict[str, Any]:
     return out
 
 
-class _Saved:
-    """Arrays of one .npz file, each read on access: the frames of a long run do not fit in memory together."""
-
-    def __init__(self, path: Path):
-        self._path = path
-
-    def __contains__(self, name: str) -> bool:
-        return self._read(lambda arrays: name in arrays)
-
-    def __getitem__(self, name: str) -> Array:
-        return self._read(lambda arrays: arrays[name])
-
-    def _read(self, take: Callable[[Any], Any]) -> Any:
-        with stored_arrays(self._path) as arrays:
-            return take(arrays)
-
-
 def _saved_pairs(
     first: Path | None, second: Path | None, frames: list[int], name: str
-) -> list[tuple[int, _Saved, _Saved]]:
+) -> Iterator[tuple[int, Mapping[str, Array], Mapping[str, Array]]]:
     """Frame, arrays of the first and of the second run, for frames whose file both folders have.
 
-    ``name``: format of the file name, with the frame number as its argument.  A folder may be None: no frames.
+    ``name``: format of the file name, with the frame number as its argument.  A folder may be None: no frames.  Arrays
+    are read on access, inside the loop: the frames of a long run do not fit in memory together.
     """
-    if first is None or second is None:
-        return []
-    paths = [(f, first / name.format(f), second / name.format(f)) for f in frames]
-    return [(f, _Saved(x), _Saved(y)) for f, x, y in paths if x.is_file() and y.is_file()]
-
-
-def _worst_arrays(result: dict[str, Any]) -> tuple[list[Array], list[Array] | None]:
-    """Mask words of the worst pair, and its colors if both runs saved them."""
-    frame = result["worst"]["frame"]
-    folders = [Path(name) for name in result["runs"]]
-    masks = [_Saved(folder / _MASKS.format(frame))["mask"].astype(np.uint32) for folder in folders]
-    saved = _saved_pairs(*folders, [frame], _CHANNELS)
-    colors = None
-    if saved and all("color" in arrays for arrays in saved[0][1:]):
-        colors = [arrays["color"][..., :3] for arrays in saved[0][1:]]
-    return masks, colors
+    for frame in frames if first is not None and second is not None else ():
+        files = first / name.format(frame), second / name.format(frame)
+        if all(file.is_file() for file in files):
+            with stored_arrays(files[0]) as a, stored_arrays(files[1]) as b:
+                yield frame, a, b

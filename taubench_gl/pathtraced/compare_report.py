@@ -1,104 +1,34 @@
-"""Comparison of two runs (``compare.py``) as text, one HTML file, and an image of the worst pair."""
+"""Comparison of two runs (``compare.py``) as tables."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
+from taubench_gl.report.table import NONE, Column, Row, Table
 
-from taubench_gl.conventions import FRUSTUM
-from taubench_gl.features import FEATURE_BIT
-from taubench_gl.outputs import write_png
-from taubench_gl.report.mask_images import as_bytes, legend, legend_strip, mask_overlay
-from taubench_gl.report.page import Page, data_uri, tag
-from taubench_gl.report.table import NONE, Column, Row, Table, to_html, to_text
-
-Array = np.ndarray
 Result = Mapping[str, Any]
-_GAP = 6  # pixels between the images of a row
-_MIN_WIDTH = 960  # pixels; smaller images are enlarged by a whole factor
-_MAX_GAIN = 64.0
 _FEATURES = {
     "position_mm": "position", "normal_deg": "normal", "direct_percent": "direct, relative",
     "indirect_percent": "indirect, relative", "color_levels": "color",
 }  # fmt: skip
 
 
-def comparison_text(result: Result) -> list[str]:
-    """The result as lines of at most 120 columns, not counting names and reasons."""
-    lines = [_title(result), *_notes(result), "", *to_text(_tables(result)).splitlines()]
-    return [*lines, _worst_line(result["worst"])] if "frame" in result["worst"] else lines
-
-
-def comparison_html(result: Result, image: bytes | None) -> str:
-    """One self-contained page without scripts; ``image``: PNG of the worst pair."""
-    page = Page(_title(result), intro=tuple(tag("p", note, class_="about") for note in _notes(result)))
-    page.add("tables", "", to_html(_tables(result), scroll=True), label="Tables")
-    if image is not None:
-        worst = _worst_line(result["worst"])
-        page.add("worst", worst, tag("img", src=data_uri(image), alt=worst))
-    origins = [
-        (name, "; ".join(f"{k}: {v}" for k, v in (entries or {}).items() if v is not None) or "no provenance")
-        for name, entries in zip(result["runs"], result["provenance"], strict=True)
-    ]
-    texts = [tag("p", f"{name}: {text}", class_="muted") for name, text in origins]
-    page.add("provenance", "", *texts, label="Provenance")
-    return page.html()
-
-
-def save_worst_image(path: str | Path, result: Result, masks: Sequence[Array], colors: Sequence[Array] | None) -> Path:
-    """Write a PNG: masks of both runs and the reasons in which they differ; below, the colors and their difference.
-
-    ``masks``: two (h, w) uint32; ``colors``: two (h, w, 3) in [0, 1], or None.  The color difference is scaled so that
-    its 99th percentile is white; the caption has the factor.  Raises OutputError.
-    """
-    compared = np.uint32(result["worst"]["compared_bits"])
-    reasons = tuple(r for r in (FRUSTUM, *FEATURE_BIT.values()) if compared & np.uint32(int(r)))
-    differ = (masks[0] ^ masks[1]) & compared
-    rows = [[mask_overlay(m & compared, b, reasons) for m, b in zip(masks, colors or (None, None), strict=True)]]
-    rows[0].append(mask_overlay(differ, np.zeros((*differ.shape, 3)), reasons))
-    left, middle = (Path(name).name or name for name in result["runs"])
-    caption = f"{_worst_line(result['worst'])}.  Left: {left}, middle: {middle}, right: difference"
-    if colors is not None:
-        error = np.abs(np.nan_to_num(colors[0].astype(np.float64)) - np.nan_to_num(colors[1]))
-        top = float(np.percentile(error, 99.0))
-        gain = min(1.0 / top, _MAX_GAIN) if top > 0 else 1.0
-        rows.append([as_bytes(c) for c in colors] + [as_bytes(gain * error)])
-        caption += f" (colors: x {gain:.1f})"
-    image = _join([_join(row, axis=1) for row in rows], axis=0)
-    factor = max(1, -(-_MIN_WIDTH // image.shape[1]))
-    image = np.repeat(np.repeat(image, factor, axis=0), factor, axis=1)
-    strip = legend_strip(legend(differ, reasons), image.shape[1], caption)
-    write_png(Path(path), np.concatenate([image, strip]))
-    return Path(path)
-
-
-def _title(result: Result) -> str:
-    run, reference = result["runs"]
-    size = "x".join(map(str, result["size"]))
-    return f"{run} and reference {reference}: {result['pairs']} pairs, {size}, {result['fps'][1]:g} fps"
-
-
-def _notes(result: Result) -> list[str]:
-    return [
-        f"the runs differ in {name}: {_plain(a)} and {_plain(b)}"
-        for name, (a, b) in result["settings_that_differ"].items()
-    ]
+def comparison_tables(result: Result) -> list[Table]:
+    """Tables of columns, features and times; above the first what was compared, and the worst pair."""
+    (run, reference), size = result["runs"], "x".join(map(str, result["size"]))
+    lead = [f"{run} and reference {reference}: {result['pairs']} pairs, {size}, {result['fps'][1]:g} fps"]
+    lead += [f"the runs differ in {name}: {_plain(a)} and {_plain(b)}"
+             for name, (a, b) in result["settings_that_differ"].items()]  # fmt: skip
+    if "frame" in (worst := result["worst"]):
+        frames = f"{worst['frame'] - 1} and {worst['frame']}"
+        lead.append(f"worst pair, frames {frames}: masks differ in {worst['differing_percent']:.2f} % of pixels")
+    return [replace(_columns(result), lead=tuple(lead)), _features(result), _time(result)]
 
 
 def _plain(value: Any) -> str:
     return ", ".join(f"{k} {v:.4g}" for k, v in value.items()) if isinstance(value, dict) else str(value)
-
-
-def _worst_line(worst: Mapping[str, Any]) -> str:
-    frame = worst["frame"]
-    return f"worst pair, frames {frame - 1} and {frame}: masks differ in {worst['differing_percent']:.2f} % of pixels"
-
-
-def _tables(result: Result) -> list[Table]:
-    return [_columns(result), _features(result), _time(result)]
 
 
 def _columns(result: Result) -> Table:
@@ -143,11 +73,3 @@ def _time(result: Result) -> Table:
     ratio = result["time"].get("ratio")
     notes = () if ratio is None else (f"time, reference / run = {ratio:.4g}",)
     return Table("time", "Seconds per frame", columns, tuple(rows), notes)
-
-
-def _join(images: Sequence[Array], axis: int) -> Array:
-    """Images with white gaps between them, side by side (axis 1) or one below the other (axis 0)."""
-    shape = list(images[0].shape)
-    shape[axis] = _GAP
-    gap = np.full(shape, 255, dtype=np.uint8)
-    return np.concatenate([part for image in images for part in (image, gap)][:-1], axis=axis)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import asdict
 
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
@@ -24,7 +25,7 @@ from taubench_gl.lobes import BOUNCES
 from taubench_gl.metrics.activity import camera_activity, summarize
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.option_groups import PathTracedOptions
-from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
+from taubench_gl.pathtraced.blender.render import RecordedLighting, read_render
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, FittedCamera, PathTracedCamera, SceneCamera, SidecarCamera
 from taubench_gl.pathtraced.sequence import PathTracedSequence, is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
@@ -107,7 +108,7 @@ class PathTracedPlan:
             if isinstance(self.camera, FittedCamera):
                 self._drop_camera(summary, session)
         record = read_render(self.sequence.folder)
-        summary["settings"] |= _lighting(record)
+        summary["settings"] |= asdict(RecordedLighting() if record is None else record.lighting)
         summary["path_traced"]["render"] = None if record is None else record.summary(self.frames)
         if self.options.second_seed is not None:
             options = self.options
@@ -197,11 +198,6 @@ def require_supported(spec: str | Path, settings: Settings) -> None:
         if value != only:
             hint = "leave it out" if only is None else f"leave it at {only}"
             raise SettingsError(f"{setting} {value} is for rendered scenes", where=str(spec), hint=hint)
-
-
-def _lighting(record: RenderRecord | None) -> dict[str, Any]:
-    """Light unit and environment of the renders for the block ``settings``; None where they are not recorded."""
-    return dict(record.lighting) if record is not None else {"light_unit": None, "environment": None}
 
 
 def _notes(source: PathTracedSource, camera: PathTracedCamera) -> list[str]:

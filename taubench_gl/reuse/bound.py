@@ -10,6 +10,7 @@ import numpy as np
 
 from taubench_gl.metrics.blending import (
     blend,
+    channels,
     effective_weight,
     nearest_clipped_weight,
     nearest_weight,
@@ -66,7 +67,9 @@ class Blended:
 
     def masked(self, valid: Array) -> tuple[Blended, Array]:
         """Black outside ``valid`` and where input or history is not finite; and the other pixels, (h, w) bool."""
-        keep = valid & np.isfinite(self.now).all(axis=-1) & np.isfinite(self.fetched).all(axis=-1)
+        keep = valid & channels(np.logical_and, np.isfinite(self.now) & np.isfinite(self.fetched))
+        if keep.all():
+            return self, keep
         now, fetched, used = (
             None if x is None else np.where(keep[..., None], x, 0.0) for x in (self.now, self.fetched, self.used)
         )

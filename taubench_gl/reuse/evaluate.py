@@ -34,7 +34,7 @@ from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import EYE_INPUTS, FrameInputs, read_result
-from taubench_gl.reuse.generated import BASELINE, EXTRAPOLATE, GeneratedInputs, all_generate, of_method
+from taubench_gl.reuse.generated import BASELINE, INTERPOLATE, GeneratedInputs, all_generate, latency
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import FrameRequest, Inputs, OtherEye, RasterInputs
 from taubench_gl.reuse.loading import MethodSpec, load_method, method_settings
@@ -60,7 +60,6 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
-Frames = FrameInputs | Mapping[str, FrameInputs]  # the latter by ``Method.generates``, where methods generate frames
 
 SCHEMA = "taubench-gl/reuse/3"
 
@@ -300,10 +299,10 @@ class _MethodRun:
     def asks_for_eye(self) -> bool:
         return isinstance(self.method, Method) and bool({*EYE_INPUTS} & {*self.method.reads})
 
-    def step(self, inputs: Frames, eye: FrameInputs | None = None) -> _Stepped:
+    def step(self, inputs: FrameInputs, eye: FrameInputs | None = None) -> _Stepped:
         """Run the method for one frame, first in the other eye where it asks for it.  Raises MethodError."""
-        if isinstance(inputs, Mapping):
-            inputs = inputs[self.method.generates]
+        if inputs.next_rendered is not None and self.method.generates == INTERPOLATE:
+            inputs = inputs.next_rendered
         if self.eye is not None and eye is not None:
             inputs = replace(inputs, textures={**inputs.textures, "eye_result": self.eye.step(eye)})
         result = read_result(self.runner.step(inputs))
@@ -357,7 +356,8 @@ class _Evaluator:
         self._check_frames()
         if traced is not None:
             seconds = request.reference_time if request.reference == FITTED else None
-            drawn = range(self.frames[0] - self._generates, self.frames[-1] + 1)
+            # The first generated frame has a rendered one before it.
+            drawn = range(self.frames[0] - (not self._inputs.in_turn), self.frames[-1] + 1)
             estimate = self._reference.prepare(drawn, seconds)
             if announce is not None and (seconds is not None or estimate.seconds is not None):
                 announce(estimate.text)
@@ -372,22 +372,27 @@ class _Evaluator:
         self._require(bool(self.running))
         self._mask_source = "exact" if self._inputs.exact_mask is not None else "geometry"
         for run in self.runs:
-            run.record.exact_mask = self._mask_source == "exact"
+            run.record.exact_mask, run.record.in_turn = self._mask_source == "exact", self._inputs.in_turn
 
     def _load(self, specs: Sequence[MethodSpec]) -> list[_MethodRun]:
         """The loaded methods; beside those that generate frames the last rendered frame.  Raises SettingsError."""
-        request = self._request
-        perceptual = open_perceptual(request.metrics, self._settings.sequence.fps)
-        records = (MethodRecord(s.label, frozenset(request.metrics), True, perceptual=perceptual) for s in specs)
-        runs = [_MethodRun(spec, record) for spec, record in zip(specs, records, strict=True)]
-        for run in runs:
+        request, fps = self._request, self._settings.sequence.fps
+        perceptual = open_perceptual(request.metrics, fps)
+
+        def load(spec: MethodSpec) -> _MethodRun:
+            run = _MethodRun(spec, MethodRecord(spec.label, frozenset(request.metrics), True, perceptual=perceptual))
             with run.isolated():
                 run.load()
+            return run
+
+        runs, self.warmup = [load(spec) for spec in specs], request.warmup
         self._generates = all_generate([run.method for run in runs], self._input_request, request.cuts)
-        if self._generates and all(spec.label != BASELINE for spec in specs):
-            return self._load([*specs, MethodSpec(BASELINE, BASELINE)])
-        # Of generated frames, the first intervals between rendered ones are left out.
-        self.warmup = request.warmup * (request.render_every - 1 if self._generates else 1)
+        if self._generates:
+            # The first intervals between rendered frames are left out.
+            self.warmup *= request.render_every - 1
+            runs += [] if any(spec.label == BASELINE for spec in specs) else [load(MethodSpec(BASELINE, BASELINE))]
+            for run in runs:
+                run.entry["latency"] = run.method and latency(run.method, request.render_every, fps)
         return runs
 
     @property
@@ -437,7 +442,7 @@ class _Evaluator:
         kept = _EXACT_BYTES * width * height * len(self.frames)
         inputs.keeps_exact = len(self.seeds) > 1 and kept <= KEPT_REFERENCE_BYTES
         # Else methods that read the reference fail with its name.
-        same = inputs.size == inputs.output_size and not self._generates
+        same = inputs.size == inputs.output_size
         if REFERENCE_INPUT in method_reads and inputs.stereo:
             raise SettingsError("a method reads the reference, which the other eye lacks", hint="give --history frame")
         if REFERENCE_INPUT in method_reads and self._reference_texture is None and same:
@@ -486,21 +491,17 @@ class _Evaluator:
 
         ``turn``: place of the frame in its sequence; ``previous``: reference image of the frame before.
         """
-        if self._inputs.stereo:
-            self._step_all(self._inputs.advance_eye(frame), turn)
+        if (before := self._inputs.before(frame)) is not None:
+            self._step_all(before, turn)
         eye = None if self._eye is None else self._eye.advance(frame)
-        if self._generates and (rendered := self._inputs.rendered(frame)):
-            self._step_all(rendered, turn)
-        inputs = stepped = self._inputs.advance(frame)
+        inputs = self._inputs.advance(frame)
         if eye is not None:
-            inputs = stepped = self._eye.beside(inputs, eye)
-        if self._generates:
-            inputs = stepped[EXTRAPOLATE]
+            inputs = self._eye.beside(inputs, eye)
         shading = self._inputs.shading_ms()
         if shading is not None and turn:
             self._shading.append(shading)
         reference = self._frame_reference(frame, inputs, previous, repetition)
-        outputs = self._step_all(self._with_reference(stepped, reference), turn, eye)
+        outputs = self._step_all(self._with_reference(inputs, reference), turn, eye)
         curve, radiance = self._settings.lighting.tone_map, read_result(inputs.textures["radiance"])
         images, errors, rows, maps, linear = {}, {}, {}, {}, {"input": radiance[..., :3]}
         for run in self.running:
@@ -525,7 +526,7 @@ class _Evaluator:
             self.seeds[repetition],
             repetition,
             maps,
-        ), None if self._generates else reference.image
+        ), reference.image if self._inputs.in_turn else None
 
     def _samples(
         self, run: _MethodRun, inputs: FrameInputs, stepped: _Stepped, reference: FrameTruth
@@ -560,7 +561,7 @@ class _Evaluator:
         reference = FrameTruth(
             frame, image, previous, mask, classes, motion, self._gain, emitters=known.emitters, halves=halves
         )
-        if not self._generates:
+        if self._inputs.in_turn:
             reference = replace(reference, events=self._events.advance(mask, motion, reference.scored))
         if halves is not None and not repetition:
             self._noise.append(half_noise(*halves, self._settings.lighting.tone_map, reference.scored))
@@ -574,7 +575,7 @@ class _Evaluator:
             self._images[frame] = image
         return image
 
-    def _with_reference(self, inputs: Frames, reference: FrameTruth) -> Frames:
+    def _with_reference(self, inputs: FrameInputs, reference: FrameTruth) -> FrameInputs:
         """``inputs``, with the reference image as a further input where a method reads it."""
         if self._reference_texture is None:
             return inputs
@@ -582,7 +583,7 @@ class _Evaluator:
         write_channel(self._reference_texture, REFERENCE_INPUT, image)
         return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
 
-    def _step_all(self, inputs: Frames, turn: int, eye: FrameInputs | None = None) -> dict[str, _Stepped]:
+    def _step_all(self, inputs: FrameInputs, turn: int, eye: FrameInputs | None = None) -> dict[str, _Stepped]:
         """Run all methods for one frame, by label.  The order rotates by one method per frame.  ``eye``: the other
         eye, for methods that ask for both histories."""
         runs, out = self.running, {}
@@ -629,13 +630,8 @@ class _Evaluator:
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
             "events": {name: doc for name, (*_, doc) in EVENTS.items()},
             "clock": clock,
-            "methods": {run.spec.label: run.entry | self._of_method(run) | self._of_samples(run) for run in self.runs},
+            "methods": {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs},
         } | self._sample_reasons()  # fmt: skip
-
-    def _of_method(self, run: _MethodRun) -> dict[str, Any]:
-        """The scores of a method, with its latency where it generates frames."""
-        every, fps = self._request.render_every, self._settings.sequence.fps
-        return of_method(run.method, run.record.summary(), every, fps) if self._generates else run.record.summary()
 
     def _of_samples(self, run: _MethodRun) -> dict[str, Any]:
         """The block of a method that samples lights."""

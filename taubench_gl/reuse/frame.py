@@ -55,7 +55,8 @@ class FrameInputs:
 
     ``missing``: input -> why this kind of frames does not have it; ``light``: for methods with ``light = "own"``.
     ``phase``: 0 for a rendered frame, else the share of the interval between rendered frames that has passed at the
-    generated one; ``shown``: the camera of the generated frame, None: ``view``.
+    generated one; ``shown``: the camera of the generated frame, None: ``view``; ``next_rendered``: for methods that
+    interpolate, the inputs of the rendered frame at the end of the interval.
     """
 
     index: int  # 0 for the first frame of the sequence, which has no history
@@ -73,6 +74,7 @@ class FrameInputs:
     light: Any = None  # scene_light.SceneLight
     phase: float = 0.0
     shown: View | None = None
+    next_rendered: FrameInputs | None = None
 
     def shown_clip_from_current(self, width: int, height: int) -> np.ndarray:
         """Clip of the shown frame from positions relative to the current camera, world axes: (4, 4) float64."""

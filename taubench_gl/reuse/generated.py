@@ -26,8 +26,6 @@ BASELINE = "present-last"
 EXTRAPOLATE, INTERPOLATE = "extrapolate", "interpolate"
 """Values of ``Method.generates``."""
 
-NOT_IN_TURN = "generated frames have rendered ones between them"
-
 
 def all_generate(methods: Sequence[Any], request: FrameRequest, cuts: Collection[int]) -> bool:
     """Whether ``methods`` generate frames.  Raises SettingsError where only some do, or the frames do not allow it."""
@@ -41,25 +39,33 @@ def all_generate(methods: Sequence[Any], request: FrameRequest, cuts: Collection
     return any(generates)
 
 
-def of_method(method: Method, summary: dict[str, Any], every: int, fps: float) -> dict[str, Any]:
-    """``summary`` of a method in reuse.json, with its latency: ``frames``, rendered ones that the display waits for,
-    and ``ms`` that every frame is displayed later.
+def generated_frames(shown: range, every: int) -> list[int]:
+    """The frames between rendered ones of the displayed frames ``shown``.  Raises SettingsError for fewer than three
+    rendered ones."""
+    first, last = -(-shown.start // every) * every, (shown.stop - 1) // every * every
+    if last < first + 2 * every:
+        what = f"of {len(shown)} frames fewer than 3 are rendered"
+        raise SettingsError(what, hint="select more --frames or a smaller --render-every")
+    return [frame for frame in range(first, last) if frame % every]
+
+
+def latency(method: Method, every: int, fps: float) -> dict[str, float]:
+    """By how much a method delays the display: ``frames``, rendered ones that it waits for, and ``ms`` that every frame
+    is displayed later.
 
     A method that interpolates displays the first frame of an interval when the rendered frame at its end is there.
     """
     waits = method.generates == INTERPOLATE
-    reasons = summary.get("reasons", {}) | dict.fromkeys(("tpsnr_db", "flicker", "warp_error"), NOT_IN_TURN)
-    latency = {"frames": int(waits), "ms": 1000.0 * (every - 1) / fps if waits else 0.0}
-    return summary | {"latency": latency, "reasons": reasons}
+    return {"frames": int(waits), "ms": 1000.0 * (every - 1) / fps if waits else 0.0}
 
 
 class GeneratedInputs(GpuOwner):
     """Frames for methods that generate frames, in place of ``Inputs``.
 
-    ``frames``: the generated ones; ``rendered`` and then ``advance`` are called for each in order.
+    ``frames``: the generated ones; ``before`` and then ``advance`` are called for each in order.
     """
 
-    stereo = keeps_exact = False
+    stereo = in_turn = keeps_exact = False
 
     def __init__(
         self, request: FrameRequest, reads: Collection[str], kinds: Collection[str], every: int, exact: Source | None
@@ -70,17 +76,15 @@ class GeneratedInputs(GpuOwner):
         of exact frames, which stays the caller's, None: a new one.
         """
         super().__init__(request.gpu)
-        self._every, self._request, self.settings = every, request, light_settings(request.settings, request.kind)
+        self._every, self.request, self.settings = every, request, light_settings(request.settings, request.kind)
         shown = frame_range(request.scene, request.camera, request.settings)
-        self._first, last = -(-shown.start // every) * every, (shown.stop - 1) // every * every
-        if last < self._first + 2 * every:
-            what = f"of {len(shown)} frames fewer than 3 are rendered"
-            raise SettingsError(what, hint="select more --frames or a smaller --render-every")
-        self.frames = [frame for frame in range(self._first, last) if frame % every]
-        self._now: dict[str, FrameInputs] = {}  # by kind of method
+        self.frames = generated_frames(shown, every)
+        self._now: FrameInputs | None = None  # the last rendered frame
+        self._end: FrameInputs | None = None  # of those that interpolate: the rendered frame at the end of the interval
         with self.opening():
+            self._source = self._open(reads)
             # Those that interpolate get each rendered frame an interval earlier than the others.
-            self._sources = {kind: self._open(reads) for kind in dict.fromkeys((EXTRAPOLATE, *kinds))}
+            self._ahead = self._open(reads) if INTERPOLATE in kinds else None
             shading = Shading(gather_each=request.kind.noisy)
             self._exact = exact or self.open_source(request.animated, self.settings, shading=shading)
             self._masks = MaskPass(self, self._exact, self.settings, self._exact.radiance)
@@ -89,40 +93,41 @@ class GeneratedInputs(GpuOwner):
 
     def _open(self, reads: Collection[str]) -> RasterInputs:
         every = self._every
-        inputs = self.own(RasterInputs(self._request, reads, jitter=lambda frame: halton_jitter(frame // every)))
+        inputs = self.own(RasterInputs(self.request, reads, jitter=lambda frame: halton_jitter(frame // every)))
         inputs.source.step = every
         return inputs
 
     def begin(self, seed: int) -> None:
         """The next frame is the first of a sequence with the random numbers of ``seed``."""
-        self._now = {}
-        for inputs in self._sources.values():
+        self._now = self._end = None
+        for inputs in filter(None, (self._source, self._ahead)):
             inputs.begin(seed)
 
-    def rendered(self, frame: int) -> dict[str, FrameInputs]:
-        """Inputs of the rendered frame before the generated ``frame``, by kind of method; empty for later ones."""
+    def before(self, frame: int) -> FrameInputs | None:
+        """The rendered frame before the generated ``frame``, None for later ones."""
         if frame % self._every != 1:
-            return {}
-        new = {kind: inputs for kind, inputs in self._sources.items() if kind == EXTRAPOLATE or kind not in self._now}
-        self._now |= {kind: inputs.advance(frame - 1) for kind, inputs in new.items()}
-        return dict(self._now)
+            return None
+        self._now = self._source.advance(frame - 1)
+        if self._ahead is not None and self._end is None:
+            self._end = self._ahead.advance(frame - 1)
+        return replace(self._now, next_rendered=self._end)
 
-    def advance(self, frame: int) -> dict[str, FrameInputs]:
-        """The inputs of the generated ``frame``, by kind of method; textures are valid until the next rendered one."""
+    def advance(self, frame: int) -> FrameInputs:
+        """The inputs of the generated ``frame``; textures are valid until the next rendered one."""
         step = frame % self._every
-        if step == 1 and INTERPOLATE in self._sources:
-            self._now[INTERPOLATE] = self._sources[INTERPOLATE].advance(frame - 1 + self._every)
+        if step == 1 and self._ahead is not None:
+            self._end = self._ahead.advance(frame - 1 + self._every)
         before = self._exact.advance(frame - step)
         self._exact.step = step
         view = self._exact.advance(frame)
         self._masks.run(reprojection(view.centered(), before.centered(), *self.size), 0)
-        camera = self._request.animated.view_at(frame / self.settings.sequence.fps)
-        change = {"index": frame - self._first, "phase": step / self._every, "shown": camera}
-        return {kind: replace(inputs, **change) for kind, inputs in self._now.items()}
+        camera = self.request.animated.view_at(frame / self.settings.sequence.fps)
+        change = {"index": frame - self.frames[0] + 1, "phase": step / self._every, "shown": camera}
+        return replace(self._now, **change, next_rendered=self._end and replace(self._end, **change))
 
     def shading_ms(self) -> float | None:
-        return self._sources[EXTRAPOLATE].shading_ms()
+        return self._source.shading_ms()
 
     def describe(self) -> dict[str, Any]:
         """The block ``input`` of reuse.json."""
-        return self._sources[EXTRAPOLATE].describe() | {"render_every": self._every}
+        return self._source.describe() | {"render_every": self._every}

@@ -108,6 +108,8 @@ class Inputs(GpuOwner):
     output_size: tuple[int, int]
     settings: Settings
     missing: dict[str, str]
+    in_turn = True
+    """Whether the frames follow one another, so that measures of change from frame to frame have a meaning."""
     keeps_exact = False
     """Keep the exact masks for the sequences of other seeds, with the same frames."""
 
@@ -138,12 +140,12 @@ class Inputs(GpuOwner):
         self._last = view
         return self._inputs_of(frame, frame, view, cut and not self.stereo)
 
-    def advance_eye(self, frame: int) -> FrameInputs:
-        """The inputs of the other eye in ``frame``, which itself has no history; call it before ``advance``.
+    def before(self, frame: int) -> FrameInputs | None:
+        """What methods run before ``frame`` without a score, None: nothing; call it before ``advance``.
 
-        Only frames whose history is the other eye (``stereo``) have it.
+        Where the history is the other eye (``stereo``), that eye in ``frame``, which itself has no history.
         """
-        raise NotImplementedError
+        return None
 
     @property
     def stereo(self) -> bool:
@@ -357,7 +359,9 @@ class RasterInputs(Inputs):
             out |= self.reshade.textures
         return out
 
-    def advance_eye(self, frame: int) -> FrameInputs:
+    def before(self, frame: int) -> FrameInputs | None:
+        if not self.stereo:
+            return None
         return self._inputs_of(frame, frame + OTHER_EYE, self.source.advance_eye(frame), cut=True)
 
     def _draw(self, frame: int) -> View:

@@ -18,6 +18,7 @@ from msgspec import Struct
 from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.data_files import read_toml
 from taubench_gl.features import FEATURE_BIT
+from taubench_gl.metrics.blending import channels
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.exposure import metered_exposure
 from taubench_gl.srgb import LUMINANCE
@@ -86,13 +87,13 @@ def psnr(mse: float) -> float | None:
 
 def squared_error(shown: Array, reference: Array) -> Array:
     """Mean over channels of the squared difference of display colors.  -> (h, w) float64."""
-    return np.mean((shown - reference) ** 2, axis=-1)
+    return channels(np.add, (shown - reference) ** 2) / 3.0
 
 
 def linear_squared_error(image: Array, reference: Array) -> Array:
     """Mean over channels of (image - reference)^2 of linear radiance.  -> (h, w) float64."""
     image, reference = (np.asarray(x, dtype=np.float64) for x in (image, reference))
-    return np.mean((image - reference) ** 2, axis=-1)
+    return channels(np.add, (image - reference) ** 2) / 3.0
 
 
 def independent_squared_error(image: Array, first: Array, second: Array) -> Array:
@@ -102,7 +103,7 @@ def independent_squared_error(image: Array, first: Array, second: Array) -> Arra
     squared error against the truth, without the variance of the estimates.  Single values can be negative.
     """
     image, first, second = (np.asarray(x, dtype=np.float64) for x in (image, first, second))
-    return np.mean((image - first) * (image - second), axis=-1)
+    return channels(np.add, (image - first) * (image - second)) / 3.0
 
 
 def tail(error: Array) -> tuple[float, float]:
@@ -135,7 +136,7 @@ def half_noise(first: Array, second: Array, curve: str, scored: Array) -> dict[s
 def relative_squared_error(image: Array, reference: Array) -> Array:
     """Mean over channels of (image - reference)^2 / (reference^2 + RELMSE_EPSILON).  -> (h, w) float64."""
     image, reference = (np.asarray(x, dtype=np.float64) for x in (image, reference))
-    return np.mean((image - reference) ** 2 / (reference**2 + RELMSE_EPSILON), axis=-1)
+    return channels(np.add, (image - reference) ** 2 / (reference**2 + RELMSE_EPSILON)) / 3.0
 
 
 def linear_errors(image: Array, reference: Array) -> dict[str, Array]:
@@ -234,7 +235,7 @@ def _finite_images(*images: Array) -> list[Array]:
 
 def temporal_squared_error(shown: Array, before: Array, reference: Array, reference_before: Array) -> Array:
     """Squared difference of the frame-to-frame changes of an image and of the reference.  -> (h, w) float64."""
-    return np.mean(((shown - before) - (reference - reference_before)) ** 2, axis=-1)
+    return channels(np.add, ((shown - before) - (reference - reference_before)) ** 2) / 3.0
 
 
 def history_of(image: Array, motion_px: Array) -> Array:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.metrics.blending import channels
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.bound import EXACT, NO_HISTORY, Blended, BoundRecord, bound_of_frame
 from taubench_gl.reuse.comparison import over_frames
@@ -31,6 +32,7 @@ NO_EXACT_MASK = "there is no exact mask of these frames"
 NOT_REQUESTED = "not requested"
 EQUAL = "equal to the reference: infinite"
 BLACK = "image and reference are black"
+NOT_IN_TURN = "generated frames have rendered ones between them"
 
 CLASSES: dict[str, tuple[int, str]] = {
     "not_classified": (int(Reason.FIRST | Reason.CUT | Reason.INVALID), "no history: first frame, cut, or invalid"),
@@ -176,12 +178,13 @@ class MethodRecord:
 
     ``metrics`` of option_groups.METRICS; ``exact_mask``: whether the masks are those of the exact frames; ``warmup``:
     first frames of every seed that means leave out, at least the first, which has no history; ``perceptual``: measures
-    of other packages.
+    of other packages; ``in_turn``: whether the frames follow one another.
     """
 
     label: str
     metrics: frozenset[str]
     exact_mask: bool
+    in_turn: bool = True
     warmup: int = 1
     perceptual: Perceptual = field(default_factory=Perceptual)
     rows: list[dict[str, Any]] = field(default_factory=list)
@@ -233,7 +236,7 @@ class MethodRecord:
 
         -> display colors (h, w, 3) and an error map (h, w) in [0, 1]: FLIP, or without it 4 |error|.
         """
-        valid = reference.image.valid & np.isfinite(result).all(axis=-1)
+        valid = reference.image.valid & channels(np.logical_and, np.isfinite(result))
         shown, expected = Displayed.of(result[..., :3], valid, curve), reference.image.masked(valid)
         errors = {"mse": quality.squared_error(shown.colors, expected.colors)}
         errors |= quality.linear_errors(shown.radiance, expected.radiance)
@@ -366,8 +369,9 @@ class MethodRecord:
             if value is None:
                 metric = quality.MEASURES[name].metric
                 small = f"the image is smaller than SSIM's window of {quality.SSIM_SIDE} pixels"
-                nowhere = "no pixel is reusable by the exact mask"
-                reasons = {"ssim": small, "flicker": nowhere, "warp_error": nowhere}
+                change = "no pixel is reusable by the exact mask" if self.in_turn else NOT_IN_TURN
+                reasons = {"ssim": small, "flicker": change, "warp_error": change}
+                reasons |= {} if self.in_turn else {"tpsnr_db": NOT_IN_TURN}
                 reasons["lpips"] = f"the image is smaller than {LPIPS_SIDE} pixels, the least for LPIPS"
                 reasons["relmse_trimmed"] = "the first reference image is black: it gives no exposure"
                 reasons["hdr_flip"] = "no reference frame has light, which gives the exposures"

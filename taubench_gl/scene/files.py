@@ -6,6 +6,7 @@ A scene refers to other files by relative paths.  Nothing outside the scene's fo
 from __future__ import annotations
 
 import io
+import math
 import re
 import threading
 import warnings
@@ -33,6 +34,8 @@ MakeError = Callable[[str, str | None], SceneError]
 
 MAX_TEXT_BYTES = 2**30
 """Size limit of a text file."""
+LARGEST = 1e30
+"""Limit on the magnitude of numbers of OBJ, MTL and AFF: they fit a float32, their squares a float64."""
 MAX_SIDE = 16384
 """Limit on the width and height of a texture."""
 ROWS_AT_ONCE = 256
@@ -117,6 +120,14 @@ def find_referenced(folder: Path, name: str, backslashes: bool = True) -> Path |
         return f"{shown} is not a regular file" if target.exists() else f"{shown} does not exist"
     except (OSError, RuntimeError, ValueError):  # name too long, link loop
         return f"{shown} is not a valid file name"
+
+
+def number_of(word: str | bytes) -> float:
+    """A number of a text file; NaN for a word that is none."""
+    try:
+        return float(word)
+    except ValueError:
+        return math.nan
 
 
 def shortened(text: str, limit: int = 80) -> str:

@@ -283,3 +283,17 @@ class Scene:
     def mesh_nodes(self) -> Array:
         """Nodes of this scene with a mesh, in file order.  (M,) int."""
         return np.flatnonzero(self.nodes.in_scene & (self.nodes.mesh >= 0))
+
+    @property
+    def joint_nodes(self) -> Array:
+        """Nodes that are joints of a skin on a mesh node of this scene, ascending.  (J,) int64."""
+        skins = np.unique(self.nodes.skin[self.mesh_nodes])
+        return np.unique(np.concatenate([np.zeros(0, np.int64), *(self.skins[s].joints for s in skins if s >= 0)]))
+
+    def primitives(self, node: int) -> list[Primitive]:
+        """The primitives of mesh node ``node`` that have triangles."""
+        return [p for p in self.meshes[self.nodes.mesh[node]].primitives if len(p.triangles)]
+
+    def drawn(self) -> list[tuple[int, Primitive]]:
+        """(node, primitive) of everything that has triangles, in node order; instances are not repeated."""
+        return [(node, p) for node in self.mesh_nodes.tolist() for p in self.primitives(node)]

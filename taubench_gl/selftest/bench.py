@@ -196,10 +196,9 @@ class Bench(GpuOwner):
         pair: Reprojection | None = None,
         *,
         declared: int = 0,
-        dtype: str = "f4",
         **metrics: Any,
     ) -> PairImages:
-        """Compare arrays (h, w, n) with the mask pass, stored as ``dtype`` (f4 or f2).
+        """Compare arrays (h, w, n) with the mask pass, stored as float32.
 
         ``position`` and ``normal`` default to a still wall 1 m away.  Radiance is compared where ``current`` has it.
         ``declared``: reason bits of every pixel; ``metrics``: fields of Settings.
@@ -212,8 +211,8 @@ class Bench(GpuOwner):
         current, history = {**wall, **current}, {**wall, **history}
         settings = Settings(**(FIXED_LIGHTING | metrics))
         with Owner() as owner:
-            now = {n: owner.own(self._texture(v, dtype)) for n, v in current.items()}
-            then = {n: owner.own(self._texture(v, dtype)) for n, v in history.items()}
+            now = {n: owner.own(self._texture(v)) for n, v in current.items()}
+            then = {n: owner.own(self._texture(v)) for n, v in history.items()}
             uploaded = ChannelPair((width, height), now, then, settings.metrics.reprojection, radiance)
             return PairImages(*self._compare(uploaded, settings, pair, declared), pair, current, history)
 
@@ -247,12 +246,11 @@ class Bench(GpuOwner):
             counts = evaluator.read(evaluator.submit(pair, declared=declared))
             return evaluator.mask(), evaluator.motion(), counts_of(counts.mask_histogram), counts
 
-    def _texture(self, values: Array, dtype: str):
+    def _texture(self, values: Array):
         height, width = values.shape[:2]
-        full = np.zeros((height, width, 4), dtype={"f4": np.float32, "f2": np.float16}[dtype])
-        with np.errstate(over="ignore"):  # some cases test that 1e8 is Inf in half floats
-            full[..., : values.shape[-1]] = values[::-1]
-        texture = self.gpu.ctx.texture((width, height), 4, full.tobytes(), dtype=dtype)
+        full = np.zeros((height, width, 4), dtype=np.float32)
+        full[..., : values.shape[-1]] = values[::-1]
+        texture = self.gpu.ctx.texture((width, height), 4, full.tobytes(), dtype="f4")
         texture.filter = (0x2600, 0x2600)  # NEAREST
         return texture
 

@@ -25,22 +25,12 @@ GROUPS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Naive:
-    """Result of a simpler formula on the same input.  ``error``: in the unit of the case's error."""
-
-    formula: str
-    measured: Value
-    error: float
-
-
-@dataclass(frozen=True, slots=True)
 class Outcome:
     """Result of a case's function.  ``error`` is compared with the case's tolerance; NaN never passes."""
 
     expected: Value
     measured: Value
     error: float
-    naive: Naive | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +59,6 @@ class CaseResult:
     measured: Value | None
     error: float
     passed: bool
-    naive: Naive | None = None
     failure: str | None = None
 
     @property
@@ -78,27 +67,19 @@ class CaseResult:
 
     def as_json(self) -> dict[str, Any]:
         """The row as JSON values; numbers that are not finite are null."""
-        row: dict[str, Any] = {
+        return {
             "name": self.case.name,
             "group": self.case.group,
             "description": self.case.description,
+            "common_failure": self.case.common_failure,
             "expected": _plain(self.expected),
             "measured": _plain(self.measured),
             "error": _plain(self.error),
             "tolerance": self.case.tolerance,
             "tolerance_source": self.case.source,
             "passed": self.passed,
-            "naive": None,
             "failure": self.failure,
         }
-        if self.naive is not None:
-            row["naive"] = {
-                "formula": self.naive.formula,
-                "measured": _plain(self.naive.measured),
-                "error": _plain(self.naive.error),
-                "passes": bool(self.naive.error <= self.case.tolerance),
-            }
-        return row
 
 
 REGISTRY: dict[str, Case] = {}
@@ -134,14 +115,14 @@ def _run(function: Callable[..., Outcome], values: tuple[Any, ...], bench: Bench
     return function(bench, *values)
 
 
-def count(expected: int, measured: int, naive: Naive | None = None) -> Outcome:
+def count(expected: int, measured: int) -> Outcome:
     """The outcome of an exact count; the error is the difference."""
-    return Outcome(int(expected), int(measured), float(abs(int(measured) - int(expected))), naive)
+    return Outcome(int(expected), int(measured), float(abs(int(measured) - int(expected))))
 
 
-def scalar(expected: float, measured: float, naive: Naive | None = None, *, relative: bool = False) -> Outcome:
+def scalar(expected: float, measured: float, *, relative: bool = False) -> Outcome:
     """The outcome of a number; the error is absolute, or ``relative`` to the expected value."""
-    return Outcome(float(expected), float(measured), difference(expected, measured, relative=relative), naive)
+    return Outcome(float(expected), float(measured), difference(expected, measured, relative=relative))
 
 
 def difference(expected: float, measured: float, *, relative: bool = False) -> float:
@@ -159,10 +140,10 @@ def worst(errors: Any) -> float:
     return float(errors.max()) if errors.size else 0.0
 
 
-def field(expected: str, errors: Any, naive: Naive | None = None, measured: str | None = None) -> Outcome:
+def field(expected: str, errors: Any, measured: str | None = None) -> Outcome:
     """The outcome of an array of errors: the largest one.  ``expected`` names the closed form."""
     error = worst(errors)
-    return Outcome(expected, measured or f"largest error {error:.3g}", error, naive)
+    return Outcome(expected, measured or f"largest error {error:.3g}", error)
 
 
 def _plain(value: Any) -> Any:

@@ -10,7 +10,7 @@ from taubench_gl.conventions import Reason
 from taubench_gl.scene.builder import SceneBuilder, quad, turn
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import Bench, pixel_grid, to_pixels
-from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
+from taubench_gl.selftest.case import Outcome, case, count, field
 
 RIGHT_ANGLE = np.radians(90.0)
 EXACT = "exact: an unsigned count on the GPU"
@@ -35,13 +35,7 @@ def depth(bench: Bench, name: str, distance: float, zfar: float) -> Outcome:
     b.camera(yfov=camera.yfov, znear=znear, zfar=zfar)
     frame, _ = bench.frame(b.build(), extra=("ids",))
     right = int((frame["ids"][..., 0] == 2).sum())
-    standard = [
-        np.round((zfar / (zfar - znear) if np.isfinite(zfar) else 1.0) * (1 - znear / z) * (2**24 - 1))
-        for z in (distance, distance * (1 + 2e-6))
-    ]
-    drawn = right if standard[0] < standard[1] else 0
-    pixels = frame["ids"][..., 0].size
-    return count(pixels, right, Naive("24-bit standard Z", drawn, pixels - drawn))
+    return count(frame["ids"][..., 0].size, right)
 
 
 @case("far-plane", source=EXACT)
@@ -87,9 +81,7 @@ def grazing(bench: Bench, degrees: float) -> Outcome:
     surface = position[..., 3] > 0
     points = position[surface][:, :3]
     off = (points - anchor) @ normal / np.linalg.norm(points, axis=-1)
-    half = points.astype(np.float16).astype(np.float64)
-    naive = worst((half - anchor) @ normal / np.linalg.norm(points, axis=-1))
-    return field(f"{int(surface.sum())} points on the plane", off, Naive("half floats", f"off by {naive:.3g}", naive))
+    return field(f"{int(surface.sum())} points on the plane", off)
 
 
 @case(
@@ -105,8 +97,7 @@ def grazing_own_pixel(bench: Bench) -> Outcome:
     _, _, position, _ = _grazing(bench, 89.9)
     surface = position[..., 3] > 0
     at = to_pixels(position[..., :3], bench.size, Camera(yfov=RIGHT_ANGLE))
-    half = Naive("center of pixel i at i + 0.5", "off by 0.5 px", 0.5)
-    return field("own pixel center, px", (at - pixel_grid(bench.size))[surface], half)
+    return field("own pixel center, px", (at - pixel_grid(bench.size))[surface])
 
 
 @case("previous-near-plane", source=EXACT)
@@ -123,5 +114,4 @@ def previous_near_plane(bench: Bench) -> Outcome:
 
     pixels = bench.size[0] * bench.size[1]
     counts = behind(2.0), behind(0.1)
-    return Outcome(f"{pixels}, 0", f"{counts[0]}, {counts[1]}", float(pixels - counts[0] + counts[1]),
-                   Naive("near plane of now", 0, pixels))  # fmt: skip
+    return Outcome(f"{pixels}, 0", f"{counts[0]}, {counts[1]}", float(pixels - counts[0] + counts[1]))

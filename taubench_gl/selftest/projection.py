@@ -13,7 +13,7 @@ from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn, turn_y
 from taubench_gl.scene.model import Camera, Primitive
 from taubench_gl.selftest.bench import Bench, MovingCamera, pixel_grid, rays, still_pair, to_pixels
-from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
+from taubench_gl.selftest.case import Outcome, case, count, field
 
 Array = np.ndarray
 RIGHT_ANGLE = np.radians(90.0)
@@ -30,18 +30,6 @@ def _nothing_in_view(b: SceneBuilder) -> None:
     b.node(translation=(0.0, -500.0, 0.0), mesh=b.mesh(quad()))
 
 
-def _outside_without_w_test(bench: Bench, images) -> Array:
-    """Pixels outside the screen by Eq. (3) without a test of w.  (h, w) bool."""
-    q = images.current["position"][..., :3] + images.pair.camera_delta
-    clip = q @ images.pair.prev_clip_from_prev[:3, :3].T + images.pair.prev_clip_from_prev[:3, 3]
-    w = q @ images.pair.prev_clip_from_prev[3, :3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ndc = clip[..., :2] / w[..., None]
-    size = np.array(bench.size)
-    at = 0.5 * (ndc + 1.0) * size - 0.5
-    return np.any((at < 0) | (at > size - 1), axis=-1)
-
-
 @case("turn-180", source=EXACT)
 def turn_180(bench: Bench) -> Outcome:
     """A camera in a closed room turns by 180 degrees: every point was behind the previous camera.
@@ -51,10 +39,9 @@ def turn_180(bench: Bench) -> Outcome:
     b, camera = _room(yfov=np.radians(60.0))
     b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(180.0)])
     images = bench.pair(b.build())
-    naive = int(_outside_without_w_test(bench, images).sum())
     bad = int((~np.isfinite(images.motion)).any(axis=-1).sum())
     pixels = images.mask.size
-    outcome = count(pixels, images.counts["behind"], Naive("w not tested", naive, pixels - naive))
+    outcome = count(pixels, images.counts["behind"])
     return outcome if not bad else Outcome(pixels, f"{bad} pixels of motion are NaN or Inf", float(bad))
 
 
@@ -86,7 +73,7 @@ def _floor(bench: Bench, backwards: float):
         depth = np.where(ray[..., 1] < 0, -1.0 / ray[..., 1], np.inf)
     with np.errstate(invalid="ignore"):
         point = ray * depth[..., None] + [0.0, 0.0, backwards]
-    return images, corners, point, images.surface
+    return images, point, images.surface
 
 
 @case(
@@ -98,7 +85,7 @@ def near_plane_crossing(bench: Bench) -> Outcome:
 
     Points behind the camera appear upside down above the horizon.
     """
-    images, _, point, floor = _floor(bench, 4.0)
+    images, point, floor = _floor(bench, 4.0)
     behind = -point[..., 2] <= 0.1
     at = to_pixels(point, bench.size, Camera(yfov=RIGHT_ANGLE))
     last = np.array(bench.size) - 1
@@ -106,8 +93,7 @@ def near_plane_crossing(bench: Bench) -> Outcome:
     outside = np.any((at < 0) | (at > last), axis=-1)
     tested = floor & (behind | (margin > 0.01))
     right = (images.has(Reason.BEHIND) == behind) & (images.has(FRUSTUM) == (behind | outside))
-    naive = int((tested & (_outside_without_w_test(bench, images) != (behind | outside))).sum())
-    return count(0, int((tested & ~right).sum()), Naive("w not tested: wrong pixels", naive, naive))
+    return count(0, int((tested & ~right).sum()))
 
 
 @case(
@@ -120,17 +106,10 @@ def near_crossing_motion(bench: Bench) -> Outcome:
 
     A vertex shader divides by w, and the interpolation of the quotient is meaningless.
     """
-    images, corners, point, floor = _floor(bench, 4.0)
-    camera = Camera(yfov=RIGHT_ANGLE)
+    images, point, floor = _floor(bench, 4.0)
     shown = floor & (-point[..., 2] > 2.0) & ~images.has(Reason.BEHIND)
-    pixels = pixel_grid(bench.size)
-    expected = to_pixels(point, bench.size, camera) - pixels
-    # Interpolation of divided corner positions: an affine map from (x, z) to the previous position.
-    weights = np.linalg.solve(np.c_[corners[:, [0, 2]], np.ones(3)], to_pixels(corners, bench.size, camera))
-    naive = np.concatenate([point[..., [0, 2]], np.ones((*floor.shape, 1))], axis=-1)[shown] @ weights - pixels[shown]
-    error = worst(naive - expected[shown])
-    divided = Naive("divided at the vertices", f"off by {error:.3g} px", error)
-    return field("closed form, px", (images.motion - expected)[shown], divided)
+    expected = to_pixels(point, bench.size, Camera(yfov=RIGHT_ANGLE)) - pixel_grid(bench.size)
+    return field("closed form, px", (images.motion - expected)[shown])
 
 
 @case("w-exactly-zero", source=EXACT)
@@ -144,10 +123,7 @@ def w_exactly_zero(bench: Bench) -> Outcome:
     before = View(np.array([0.0, 0.0, -1.0]), np.eye(3), Camera())
     images = bench.compare({}, wall, pairing.reprojection(view, before, *bench.size))
     good = images.has(Reason.BEHIND) & (images.motion == 0).all(axis=-1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        divided = wall["position"][..., :2] / 0.0
-    naive = int(np.isfinite(divided).all(axis=-1).sum())
-    return count(good.size, int(good.sum()), Naive("w not tested: finite pixels", naive, good.size - naive))
+    return count(good.size, int(good.sum()))
 
 
 @case("sky-rotation", tolerance=1e-3, source="px; float32 rounding of coordinates up to 100 px is 1e-5 px")
@@ -165,10 +141,7 @@ def sky_rotation(bench: Bench) -> Outcome:
     lens = Camera(yfov=np.radians(60.0))
     then = rays(bench.size, lens) @ math3d.mat3_from_quat(rotation).T
     expected = to_pixels(then, bench.size, lens) - pixel_grid(bench.size)
-    still = worst(expected)
-    return field(
-        "closed form, px", images.motion - expected, Naive("sky does not move", f"off by {still:.3g} px", still)
-    )
+    return field("closed form, px", images.motion - expected)
 
 
 @case("sky-translation", source="exact: the same direction is transformed by the same matrix twice")
@@ -182,12 +155,8 @@ def sky_translation(bench: Bench) -> Outcome:
     camera = b.camera(yfov=np.radians(60.0))
     b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (40.0, 3.0, -10.0)])
     images = bench.pair(b.build())
-    lens = Camera(yfov=np.radians(60.0))
-    sphere = rays(bench.size, lens) * 1000.0 + [40.0, 3.0, -10.0]
-    moved = worst(to_pixels(sphere, bench.size, lens) - pixel_grid(bench.size))
-    naive = Naive("sky at 1000 m", f"moves by {moved:.3g} px", moved)
     discarded = int(images.has(FRUSTUM | Reason.POSITION | Reason.NORMAL).sum())
-    return field("0 px, no discard", np.append(images.motion.ravel(), discarded), naive)
+    return field("0 px, no discard", np.append(images.motion.ravel(), discarded))
 
 
 @case("still-jitter", tolerance=1e-3, source="px; float32 rounding of coordinates up to 100 px is 1e-5 px")
@@ -202,8 +171,7 @@ def still_jitter(bench: Bench) -> Outcome:
     camera = MovingCamera(lambda t: View(np.array([0.1, 0.2, 1.0]), np.eye(3), lens, np.array(jitters[t])))
     images = bench.pair(b.build(), camera=camera)
     between = (np.array(jitters[1.0]) - np.array(jitters[0.0])) * [1.0, -1.0]
-    with_jitter = Naive("jitter not subtracted", f"{worst(between):.3g} px", worst(between))
-    return field("0 px", images.motion - between, with_jitter)
+    return field("0 px", images.motion - between)
 
 
 def _cockpit(bench: Bench):
@@ -223,9 +191,7 @@ def screen_edge(bench: Bench) -> Outcome:
     Rounding by 1e-6 px moves part of the border outside: 0.1 % to 3 % of the image.
     """
     images = _cockpit(bench)
-    at = (pixel_grid(bench.size) + images.motion.astype(np.float64)).astype(np.float32)
-    naive = int(np.any((at < 0) | (at > np.array(bench.size) - 1), axis=-1).sum())
-    return count(0, images.counts["frustum"], Naive("no tolerance", naive, naive))
+    return count(0, images.counts["frustum"])
 
 
 @case("screen-edge-motion", tolerance=1e-3, source="float32: 32 ulps of 60 px")
@@ -248,9 +214,8 @@ def on_the_near_plane(bench: Bench) -> Outcome:
     wall = quad(0.3, 0.2, cells=(12, 8))
     b.node(camera, translation=(0.0, 0.0, -0.1 * (1 + 1e-7)), mesh=b.mesh(wall))
     images = bench.pair(b.build())
-    naive = int((images.surface & (images.current["position"][..., 3] <= np.float32(0.1))).sum())
     none = 0 if images.surface.any() else images.mask.size
-    return count(0, images.counts["frustum"] + none, Naive("no tolerance", naive, naive))
+    return count(0, images.counts["frustum"] + none)
 
 
 @case("declared-first-frame", source=EXACT)

@@ -32,7 +32,7 @@ def run_case(case: Case, bench: Bench) -> CaseResult:
     except Exception as error:  # a driver may fail in any way
         return CaseResult(case, None, None, math.nan, False, failure=f"{type(error).__name__}: {error}")
     passed = bool(outcome.error <= case.tolerance)  # False for NaN
-    return CaseResult(case, outcome.expected, outcome.measured, float(outcome.error), passed, outcome.naive)
+    return CaseResult(case, outcome.expected, outcome.measured, float(outcome.error), passed)
 
 
 def run_selftest(

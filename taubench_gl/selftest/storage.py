@@ -16,7 +16,7 @@ from taubench_gl.metrics.reprojection import reproject
 from taubench_gl.scene.builder import SceneBuilder, quad, turn, turn_y
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import Bench, limits, pixel_grid, rays, to_pixels
-from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
+from taubench_gl.selftest.case import Outcome, case, count, field, worst
 from taubench_gl.selftest.scenes import busy_room
 
 Array = np.ndarray
@@ -45,12 +45,7 @@ def motion_storage(bench: Bench) -> Outcome:
     """
     images, expected = _fast_turn(bench)
     size = np.abs(expected[..., 0])
-    naive = worst((expected[..., 0].astype(np.float16).astype(float) - expected[..., 0]) / size)
-    return field(
-        f"{size.min():.0f} to {size.max():.0f} px",
-        (images.motion - expected)[..., 0] / size,
-        Naive("half-float motion", f"off by {naive:.3g}, {naive * size.max():.2g} px", naive),
-    )
+    return field(f"{size.min():.0f} to {size.max():.0f} px", (images.motion - expected)[..., 0] / size)
 
 
 @case(
@@ -69,9 +64,7 @@ def position_storage(bench: Bench) -> Outcome:
     world = position[..., :3] + view.position
     wall = (np.abs(world[..., 2] + 4.0) < 0.01) & (np.abs(frame["normal"][..., 2]) > 0.99)
     points, distance = world[wall], np.linalg.norm(position[wall][:, :3], axis=-1)
-    half = (position[wall][:, 2].astype(np.float16).astype(float) + view.position[2] + 4.0) / distance
-    naive = Naive("half floats", f"off by {worst(half):.3g}", worst(half))
-    return field("the wall z = -4", (points[:, 2] + 4.0) / distance if wall.any() else np.nan, naive)
+    return field("the wall z = -4", (points[:, 2] + 4.0) / distance if wall.any() else np.nan)
 
 
 @case("masks-in-half-floats", source="exact: an unsigned count on the GPU")
@@ -85,10 +78,7 @@ def masks_in_half_floats(bench: Bench) -> Outcome:
     moved = position + [0.001, 0.0, 0.0, 0.0]
     # The motion is no multiple of the half-float step, so only rounding differs.
     now, then = {**wall, "position": moved}, {**wall, "position": position}
-    few = {"position": 0.01}
-    naive = bench.compare(now, then, thresholds=few, dtype="f2").counts["position"]
-    measured = bench.compare(now, then, thresholds=few).counts["position"]
-    return count(0, measured, Naive("half-float positions", naive, naive))
+    return count(0, bench.compare(now, then, thresholds={"position": 0.01}).counts["position"])
 
 
 @case(
@@ -105,9 +95,7 @@ def motion_reference(bench: Bench) -> Outcome:
     position, before = (images.current[n].astype(np.float64) for n in ("position", "prev_position"))
     exact = reproject(images.pair, position, before)
     seen = ~exact.behind & ~exact.outside
-    half = worst(images.motion.astype(np.float16).astype(np.float64)[seen] - exact.motion_px[seen])
-    naive = Naive("half floats", f"off by {half:.3g} px", half)
-    return field("float64 reference", (images.motion - exact.motion_px)[seen], naive)
+    return field("float64 reference", (images.motion - exact.motion_px)[seen])
 
 
 def _euler(yaw: float, pitch: float, roll: float) -> Array:

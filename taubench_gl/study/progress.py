@@ -1,10 +1,9 @@
-"""What a driver reports while it runs, the lines that say so, and the estimate that is announced before it runs."""
+"""What a driver reports while it runs, and the lines that say so."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 
 from taubench_gl.outputs import duration_text
 
@@ -75,38 +74,3 @@ class Progress(Listener):
         undone = sum(self.total.values()) - sum(self.done.values())
         left = f"; about {duration_text(undone / rate)} left" if undone else ""
         return f", {rate:.2f} {self.counted}/s{left}"
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """The time that a job or unit will take.
-
-    ``weight``: what is left of it; ``seconds``: of weight 1; ``reason``: how they were measured; ``begin``: seconds
-    before the first.
-    """
-
-    label: str
-    weight: int
-    seconds: float
-    reason: str = ""
-    begin: float = 0.0
-
-    @property
-    def total(self) -> float:
-        """Seconds that one worker takes."""
-        return self.begin + self.weight * self.seconds
-
-
-def announce(estimates: Sequence[Estimate], counted: str, workers: int, say: Callable[[str], None]) -> None:
-    """Say one line per estimate, and their sum.
-
-    ``counted``: what weights count, such as pairs; ``workers``: processes, 0: this process.
-    """
-    for each in estimates:
-        reason = f" ({each.reason})" if each.reason else ""
-        say(f"{each.label}: {each.weight} {counted} of about {each.seconds:.2g} s, {duration_text(each.total)}{reason}")
-    if estimates:
-        total = sum(each.total for each in estimates)
-        spread = max(total / (workers or 1), max(each.begin + each.seconds for each in estimates))
-        several = f" in one process; with {workers} workers about {duration_text(spread)}" if workers else ""
-        say(f"estimated time: {duration_text(total)}{several}")

@@ -22,16 +22,6 @@ Rect = tuple[float, float, float, float]  # x, y, width, height
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
-    """Which panels are shown; ``tiles``: number of images side by side."""
-
-    left: bool = True
-    right: bool = True
-    bar: bool = True
-    tiles: int = 1
-
-
-@dataclass(frozen=True, slots=True)
 class Layout:
     """``images`` have the aspect ratio of the image, centered in the area beside the panels; the first is the main one.
 
@@ -83,21 +73,26 @@ def _at_least(width: int, height: int) -> tuple[int, int]:
     return max(width, LEAST_START[0]), max(height, LEAST_START[1])
 
 
-def arrange(window: tuple[int, int], size: tuple[int, int], panels: bool, shown: Shown = Shown()) -> Layout:
-    """Layout of a window for an image of ``size`` pixels.  In a window without area the image is empty."""
+def arrange(
+    window: tuple[int, int], size: tuple[int, int], panels: bool, *, bar: bool = True, tiles: int = 1
+) -> Layout:
+    """Layout of a window for ``tiles`` images side by side, each of ``size`` pixels.
+
+    ``panels``: whether any are shown; ``bar``: whether the one below the image is.  In a window without area the images
+    are empty.
+    """
     width, height = window
     if width <= 0 or height <= 0:
-        return Layout(((0, 0, 0, 0),) * shown.tiles)
+        return Layout(((0, 0, 0, 0),) * tiles)
     merged = width < MIN_BOTH_WIDTH
-    any_side = panels and width >= MIN_SIDE_WIDTH and (shown.left or shown.right)
-    with_left = any_side and shown.left and not merged
-    with_right = any_side and (shown.right or merged)
-    with_bar = panels and shown.bar and height >= 3 * BAR
+    with_right = panels and width >= MIN_SIDE_WIDTH
+    with_left = with_right and not merged
+    with_bar = panels and bar and height >= 3 * BAR
     start = SIDE if with_left else 0
     free_w = width - start - (SIDE if with_right else 0)
     free_h = height - (BAR if with_bar else 0)
     return Layout(
-        _tiles((start, 0, free_w, free_h), size, shown.tiles),
+        _tiles((start, 0, free_w, free_h), size, tiles),
         (0, 0, SIDE, height) if with_left else None,
         (width - SIDE, 0, SIDE, height) if with_right else None,
         (start, free_h, free_w, BAR) if with_bar else None,

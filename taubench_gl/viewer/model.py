@@ -24,7 +24,7 @@ from taubench_gl.viewer.comparisons import open_comparisons
 from taubench_gl.viewer.controls import MASKS, SOURCE
 from taubench_gl.viewer.engine import ViewerEngine
 from taubench_gl.viewer.feeds import OpenRequest, open_feed
-from taubench_gl.viewer.layout import Layout, Shown, arrange
+from taubench_gl.viewer.layout import Layout, arrange
 from taubench_gl.viewer.names import PixelNames
 from taubench_gl.viewer.state import HISTORY, ViewerState
 from taubench_gl.viewer.timeline import Rates, Timeline
@@ -294,9 +294,8 @@ class ViewerModel(Owner):
     def layout(self) -> Layout:
         """Layout of the window for the panels and images that are shown."""
         s = self.state
-        sides = set(s.docks.values())
-        shown = Shown("left" in sides, "right" in sides, s.sections["playback"], len(self.engine.textures))
-        return arrange(self.window_size, self.engine.feed.size, s.panels, shown)
+        tiles = len(self.engine.textures)
+        return arrange(self.window_size, self.engine.feed.size, s.panels, bar=s.sections["playback"], tiles=tiles)
 
     def probe(self) -> Explanation | None:
         """The probed pixel, read from the GPU only if the pair or the pixel changed; None without a pixel."""

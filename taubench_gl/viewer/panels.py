@@ -26,7 +26,7 @@ from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.pixel_panel import PixelPanel
 from taubench_gl.viewer.scene_tree import SceneTree
-from taubench_gl.viewer.state import CAMERAS, CONTROLS, DOCKED, EXACT_OVERLAYS, OVERLAYS, ViewerState
+from taubench_gl.viewer.state import CAMERAS, CONTROLS, EXACT_OVERLAYS, LEFT, OVERLAYS, RIGHT, ViewerState
 from taubench_gl.viewer.timeline import Timeline
 from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar
 
@@ -71,11 +71,11 @@ class Panels:
     def draw(self, layout: Layout) -> None:
         """Draw panels, help and the marks over the images."""
         self._ui.rects.clear()
-        docks, shown = self._viewer.state.docks, [n for n in DOCKED if n != "lesson" or self._viewer.state.lesson]
-        for side, rect in (("left", layout.left), ("right", layout.right)):
+        lesson = LEFT if self._viewer.state.lesson else tuple(name for name in LEFT if name != "lesson")
+        for side, rect, names in (("left", layout.left, lesson), ("right", layout.right, RIGHT)):
             if rect is not None:
-                names = [n for n in shown if layout.merged or docks[n] == side]
-                self._window(side, rect, lambda names=names: self._sections(names, layout.merged))
+                every = (*lesson, *RIGHT) if layout.merged else names
+                self._window(side, rect, lambda every=every: self._sections(every))
         if layout.bar is not None:
             self._window("bar", layout.bar, self._bar)
         if self._viewer.state.help:
@@ -90,16 +90,12 @@ class Panels:
         body()
         imgui.end()
 
-    def _sections(self, names: list[str], merged: bool) -> None:
+    def _sections(self, names: tuple[str, ...]) -> None:
         state = self._viewer.state
         for name in names:
-            right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
             imgui.set_next_item_open(state.sections[name])
-            imgui.set_next_item_allow_overlap()
             state.sections[name] = imgui.collapsing_header(name.capitalize())
             self._ui.place(f"section.{name}")
-            if not merged:
-                self._move_button(name, right)
             if state.sections[name]:
                 imgui.push_item_width(150)
                 self._body(name)
@@ -114,16 +110,6 @@ class Panels:
                 self._ui.draw(control.name)
                 if control.name in self._after:
                     self._after[control.name]()
-
-    def _move_button(self, name: str, right: float) -> None:
-        """Draw the button that moves a section to the other side panel."""
-        docks = self._viewer.state.docks
-        imgui.same_line(right - 18.0)
-        if imgui.small_button(("<" if docks[name] == "right" else ">") + f"##{name}"):
-            docks[name] = "left" if docks[name] == "right" else "right"
-        self._ui.place(f"dock.{name}")
-        if imgui.is_item_hovered():
-            imgui.set_tooltip(f"move {name} to the other side")
 
     def _bar(self) -> None:
         viewer, s = self._viewer, self._viewer.state

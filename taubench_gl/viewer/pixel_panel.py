@@ -76,9 +76,6 @@ class PixelPanel:
         if names is not None:
             self._ui.pair("object", names.object)
             self._ui.pair("material", names.material)
-            self._ui.pair("lights", names.lights_text)
-            if imgui.is_item_hovered():
-                imgui.set_tooltip("shares of the irradiance, shadows left out")
 
     def _feature(self, name: str, f: FeatureValues) -> None:
         """The distance as a bar against the threshold, and both values below."""

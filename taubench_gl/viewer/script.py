@@ -254,7 +254,6 @@ class ScriptRunner:
         out["probe.exact"] = self._viewer.engine.exact_words(*explained.pixel) if exact else None
         state, pixel = self._viewer.state, explained and explained.pixel
         out["probe.reservoir"] = None if pixel is None else self._viewer.engine.reservoir_words(state, *pixel)
-        out["probe.lights"] = None if names is None else names.lights_text
         for feature in FEATURES:
             values = None if explained is None else explained.features.get(feature)
             out[f"probe.{feature}"] = None if values is None else values.distance

@@ -47,12 +47,9 @@ SECTIONS = (
     "playback", "camera", "image", "compare", "masks", "thresholds", "probe", "settings", "effects", "time", "lesson",
     "scene",
 )  # fmt: skip
-DOCKS = ("left", "right")
-DOCKED = (
-    "lesson", "probe", "thresholds", "scene", "camera", "image", "compare", "masks", "settings", "effects", "time",
-)  # fmt: skip
+LEFT = ("lesson", "probe", "thresholds", "scene")
+RIGHT = ("camera", "image", "compare", "masks", "settings", "effects", "time")
 """Sections of the side panels, from the top."""
-_LEFT = ("lesson", "probe", "thresholds", "scene")
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 MIN_THRESHOLD, MAX_THRESHOLD = 1e-5, 100.0
 
@@ -431,10 +428,6 @@ class ViewerState:
             for i, name in enumerate(SECTIONS, 1)
         )),
     )  # fmt: skip
-    docks: dict[str, str] = field(
-        default_factory=lambda: {n: DOCKS[n not in _LEFT] for n in DOCKED},
-        metadata=declared(Members("dock", Choice(DOCKS), restarts=NOTHING)),
-    )
     size: tuple[int, int] = (1, 1)  # image width and height, pixels
     message: str = ""
     lesson: str = ""  # text of a session file: a title, then paragraphs; empty: no section

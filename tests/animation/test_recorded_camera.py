@@ -74,6 +74,7 @@ def require_known(path, meters=1e-6, degrees=1e-5):
         ("images.txt", {"up": "-y", "fps": 30.0}, 0.1),
         ("open3d.json", {"up": "-y", "fps": 30.0}, 0.1),
         ("open3d.log", {"up": "-y", "fps": 30.0}, 0.1),
+        ("nerfstudio.json", {}, 6.0),
     ],
 )
 def test_files_of_the_programs_that_own_the_formats(name, given, duration):

@@ -10,7 +10,6 @@ import pytest
 from repeated import few
 
 from taubench_gl.animation import FileCamera, Poser, camera_of_run
-from taubench_gl.benchmark.estimate import cost_of
 from taubench_gl.benchmark.merge import tracks_of
 from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.scores import (
@@ -258,17 +257,3 @@ def test_the_mean_of_errors_without_a_common_scale_is_geometric():
     assert over_cases("flip", (0.25, 0.75)) == pytest.approx(0.5)
     assert over_cases("flip", ()) is None
     assert over_cases("linear_mse", (0.1, -1e-4)) is None  # below the noise of a reference
-
-
-def test_estimated_costs_of_known_times():
-    """3 s to begin a unit, 2 s for each further seed, 0.75 s for a small frame and 0.5 s with another seed."""
-    case = next(case for case in read_suite("quick").cases if case.request.seeds == 5)
-    few = replace(case, frames=3, settings=case.settings.replace(size=(80, 45)))
-    small, alone = (replace(few, request=replace(case.request, seeds=seeds)) for seeds in (2, 1))
-    frames = [3.75, 0.75, 0.75, 2.5, 0.5, 0.5]
-    times = np.cumsum([0.0, *frames])
-    cost = cost_of(times, times[-1] + 1.0, small)
-    assert cost.of(small).total == pytest.approx(sum(frames) + 1.0)
-    frames_of_seeds = 8 * (0.75 + 4 * 0.5) * 4  # four times the pixels
-    assert cost.of(case).total == pytest.approx(3.0 + 1.0 + 4 * 2.0 + frames_of_seeds)
-    assert cost_of(times[:4], times[3] + 1.0, alone).of(alone).total == pytest.approx(3.0 + 3 * 0.75 + 1.0)

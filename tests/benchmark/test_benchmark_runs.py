@@ -10,11 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from taubench_gl.benchmark.estimate import estimate_units
 from taubench_gl.benchmark.output import compared, load_benchmark
 from taubench_gl.benchmark.run import BenchmarkStudy, run_benchmark
 from taubench_gl.benchmark.suite import read_suite
-from taubench_gl.benchmark.unit import Entry
 from taubench_gl.errors import OutputError, SceneError, SettingsError
 from taubench_gl.paths import ASSETS
 from taubench_gl.study.progress import Progress
@@ -266,19 +264,3 @@ def test_edits_of_numbers_of_a_result_are_refused(whole, tmp_path):
         assert refused.value.where == str(file) and refused.value.hint
     file.write_text(text)
     assert load_benchmark(file)["cases"]
-
-
-@pytest.mark.long
-def test_the_estimated_time_covers_every_unit(suite_file):
-    """No limits on the time itself: equal images take equal time, and a method that does not apply takes none."""
-    entries = [Entry.of("none")]
-    units = units_of(suite_file, entries)
-    found = estimate_units(units)
-    assert [estimate.label for estimate in found] == [unit.job for unit in units]
-    of_frame = {estimate.seconds for estimate in found if estimate.label.endswith("/noisy")}
-    assert len(found) == 3 and len(of_frame) == 1 and min(of_frame) > 0.0
-    assert all(estimate.total == estimate.begin + estimate.weight * estimate.seconds for estimate in found)
-    masks = estimate_units(units_of(suite_file, [Entry.of("ideal-masks")]))
-    assert {estimate.label.split("/")[-1]: estimate.total > 0 for estimate in masks} == {
-        "noisy": True, "jittered+upscale@3": False,
-    }  # fmt: skip

@@ -17,6 +17,8 @@ from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import SequenceSettings
 
+pytestmark = pytest.mark.usefixtures("coarse_metering")
+
 MEASURED = {  # pitch, yaw, roll: mean degrees per frame at 24 and at 90 fps
     "seated": ([0.45, 1.26, 0.28], [0.13, 0.34, 0.08]),
     "walking": ([0.60, 1.12, 0.42], [0.17, 0.30, 0.12]),
@@ -26,13 +28,6 @@ MEASURED = {  # pitch, yaw, roll: mean degrees per frame at 24 and at 90 fps
 
 def cases():
     return [case for case in read_suite("full").cases if case.track == "head motion"]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TAUBENCH_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 @pytest.mark.parametrize("name", MEASURED)

@@ -110,6 +110,7 @@ def test_maps_are_those_that_the_engine_writes(files, name, tmp_path):
         assert worst < 1e-4
 
 
+@pytest.mark.long
 def test_the_registrys_recorded_game(files, tmp_path, monkeypatch):
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path))
     path, settings = resolve("cube2-two-towers")

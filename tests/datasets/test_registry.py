@@ -55,7 +55,6 @@ def test_registry_of_the_user(tmp_path):
         ('[a]\ntitle = 3\nformat = "gltf"', "expected|Expected"),
         ('[a]\ntitle = "x"\nformat = "gltf"\nhue = 1', "hue"),
         ('[a]\ntitle = "x"\nformat = "3ds"', "'3ds'"),
-        ('[a]\ntitle = "x"\nformat = "gltf"\nurl = "file:///etc/x"', "url"),
         ('[a]\ntitle = "x"\nformat = "gltf"\nsha256 = "12"', "sha256"),
         ('[a]\ntitle = "x"\nformat = "gltf"\nfps = 0.0', "fps"),
         ('[a]\ntitle = "x"\nformat = "gltf"\ncamera_fps = -1.0', "fps"),

@@ -69,7 +69,7 @@ def test_a_wrong_number_is_exit_code_1(run, monkeypatch):
 INVALID = {
     "ghost-busters": "ghost-busters", f"{len(DEMOS) + 1}": f"{len(DEMOS)}", "r": "rotations", "--all half": "--all",
     "--all --lecture": "--lecture", "--lecture --scene x.glb": "7", "half --size 16x9": "160x90",
-    "half --size big": "big", "half noise --scene x.glb": "--scene", "half --notebook --view": "--notebook",
+    "half --size big": "big", "half noise --scene x.glb": "--scene", "half --scene x.glb --view": "--scene",
     "--scene x.glb": "--scene", "--view": "--view", "half --scene x.txt": ".glb", "half --scene ": "--scene",
     "half --out file": "file", "half --scene file/x.glb": "file",
 }  # fmt: skip

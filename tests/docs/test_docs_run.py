@@ -27,7 +27,7 @@ LEFT_OUT = {
     r"^view|--view": "opens a window: tests/viewer",
     r"^convert|^reference render|\.(fbx|zip)\b": "needs Blender, or a file that may not be shipped: tests/pathtraced, "
     "tests/datasets",
-    r"bart-museum|^scenes get": "downloads: tests/datasets",
+    r"bart-museum|^scenes get": "files of the user: tests/datasets",
     r"^reference clear \w": "the key of an example: tests/pathtraced",
     r"^evaluate valley.glb": "the stand-in takes minutes: tests/datasets",
     r"exr:(engine|one-sample)|--mapping falcor": "reads renderings of other programs: tests/pathtraced, tests/reuse",
@@ -68,7 +68,7 @@ FIRST = {
     r"\breuse-b\b": ["reuse evaluate scene.glb --methods none,taa_clamp --out reuse-b"],
     r"^inspect nss": ["export scene.glb --out nss --format nss --input jittered+upscale@2 --reference max"],
     r"exr:frames": ["export scene.glb --out frames --format exr"],
-    r"^reference compare": [
+    r"^reference compare|^report raster": [
         "evaluate scene.glb --out raster --save masks,channels",
         "export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks",
         "evaluate exr:frames --out traced --save masks,channels",

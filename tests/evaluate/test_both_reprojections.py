@@ -96,7 +96,7 @@ LIT = {"columns": (*GEOMETRY, "direct", "indirect"), "width": 32, "height": 18, 
 
 
 def test_sampled_light_of_both_agrees_with_a_run_of_each(monkeypatch):
-    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=96, limit=64, samples=30_000))
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=96, limit=64, samples=15_000))
     runs = {mode: evaluated(DEMO, True, reprojection=mode, light="auto", **LIT) for mode in OTHER}
     for mode, other in OTHER.items():
         entry = runs[mode].summary["reusable"][other]["shading"]

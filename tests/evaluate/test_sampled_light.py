@@ -118,7 +118,7 @@ def test_emitters_are_seen_by_the_estimate_and_not_by_raster_light():
 
 def test_a_run_says_what_is_sampled_and_keeps_the_rest(monkeypatch, tmp_path):
     monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=24, limit=64))
-    settings = fixed_settings(**DEMO_SETTINGS, light_within=4.0)
+    settings = fixed_settings(**DEMO_SETTINGS, light_within=16.0)
     plain = evaluate_scene(DEMO, settings)
     evaluate_scene(DEMO, settings, out=tmp_path / "run", sampled=True)
     run = load_run(tmp_path / "run")  # which checks it
@@ -212,7 +212,7 @@ def test_rounds_visit_more_pairs_where_previews_are_kept():
 
 
 def test_kept_previews_are_those_that_visits_draw(monkeypatch):
-    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=8, limit=64, samples=2000))
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=8, limit=64, samples=1000))
     settings = fixed_settings(**DEMO_SETTINGS | {"frames": (20, 24)})
     kept = evaluate_scene(DEMO, settings, sampled=True)
     monkeypatch.setattr(sampled_light.Previews, "keep", lambda *_: None)

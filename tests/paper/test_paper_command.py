@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import re
 
@@ -19,8 +18,7 @@ from taubench_gl.datasets.scene_cache import CachedScene
 from taubench_gl.datasets.stand_ins import STAND_INS
 from taubench_gl.errors import DatasetError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.evaluation.sampled_light import ROUND_SIZES
-from taubench_gl.paper import estimate, figures, scenes
+from taubench_gl.paper import figures, scenes
 from taubench_gl.paper.figures import panel_size, telling_pair
 from taubench_gl.paper.scenes import DATASET, STAND_IN, find_scenes
 from taubench_gl.paper.study import PaperOptions, plan
@@ -101,8 +99,7 @@ def finished(cache, tmp_path_factory):
 
 
 def test_everything_from_one_command(finished):
-    out, done = finished
-    assert "estimated time" in done.output
+    out, _ = finished
     values = json.loads((out / "paper.json").read_text())
     fps, vr = values["scenes"]
     assert (fps["kind"], vr["kind"]) == (STAND_IN, DATASET)
@@ -227,42 +224,9 @@ def test_too_many_workers_are_refused_before_anything_is_made(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_estimate_draws_a_few_frames_and_stops(tmp_path):
-    out = tmp_path / "out"
-    done = run("eternal-valley-fps", "--out", out, *SMALL, "--light", "path-traced", "--spp", "2", "--estimate")
-    assert done.exit_code == 0 and "8 pairs" in done.output and "estimated time" in done.output
-    assert not (out / "runs").exists()
-
-
-def test_the_estimate_counts_frames(tmp_path, monkeypatch):
-    """All pairs share their frames, those of a sample do not."""
-    monkeypatch.setattr(estimate, "_slowest", lambda _scene, _settings: 2.0)
-    found = find_scenes(("eternal-valley-fps",), resolved)
-    (every,) = estimate.estimate(plan(found.scenes, PaperOptions(fps=(24.0,))), tmp_path / "every")
-    assert every.total == pytest.approx(2.0 * (every.weight + 1))
-    (some,) = estimate.estimate(plan(found.scenes, PaperOptions(quick=True, fps=(24.0,))), tmp_path / "some")
-    assert some.weight == 8 and 2.0 * 9 < some.total <= 2.0 * 16
-
-
-def test_the_estimate_has_all_samples_at_random_pixels(tmp_path, monkeypatch):
-    def slowest(_scene, settings):
-        return 1e-3 * settings.lighting.spp if settings.lighting.light == "path-traced" else 0.0
-
-    monkeypatch.setattr(estimate, "_slowest", slowest)
-    (scene,) = plan(find_scenes(("eternal-valley-fps",), resolved).scenes, PaperOptions(fps=(24.0,)))
-    (job,) = scene.images.values()
-    sampled = dataclasses.replace(job, settings=job.settings.replace(light="auto"))
-    (estimated,) = estimate.estimate([dataclasses.replace(scene, images={"auto": sampled})], tmp_path / "out")
-    width, height = estimate._probe_size(job.settings)
-    assert estimated.begin == pytest.approx(ROUND_SIZES.samples * 1e-3 / (width * height))
-
-
-def test_sizes_of_timed_images_and_of_panels():
-    """Path-traced light is timed in enough pixels; panels of figures are no larger than the images."""
-    probes = {"1920x1080": (240, 135), "640x360": (160, 90), "96x54": (96, 54), "320x32": (160, 32)}
+def test_panels_of_figures_are_no_larger_than_the_images():
     panels = {"1920x1080": (32, 18), "32x18": (32, 18), "16x9": (16, 9), "72x18": (32, 8)}
-    for sizes, size_of in ((probes, estimate._probe_size), (panels, panel_size)):
-        assert {text: size_of(Settings(size=text)) for text in sizes} == sizes
+    assert {text: panel_size(Settings(size=text)) for text in panels} == panels
 
 
 def test_the_pair_of_a_figure_is_calm_and_no_cut():

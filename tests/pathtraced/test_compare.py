@@ -1,4 +1,4 @@
-"""Comparison of two runs: columns, masks, features, time, and the files written."""
+"""Comparison of two runs: columns, masks, features, time, and the tables printed."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ from taubench_gl.pathtraced.compare import (
     compare_runs,
     edge_band,
     mask_agreement,
-    save_comparison,
 )
+from taubench_gl.pathtraced.compare_report import comparison_tables
+from taubench_gl.report.table import to_text
 from taubench_gl.run import Run
 from taubench_gl.settings import Settings
 
@@ -42,8 +43,8 @@ def test_a_run_without_a_needed_value_is_refused(tmp_path, summary, missing):
     assert error.value.where == str(tmp_path) and missing in error.value.what
 
 
-def test_a_comparison_and_its_files(renders, tmp_path):
-    """A run with itself, another threshold, fewer pairs; text, JSON, HTML with its image; times; the worst pair."""
+def test_a_comparison_and_its_tables(renders, tmp_path):
+    """A run with itself, another threshold, fewer pairs; tables and JSON; times; the worst pair."""
     known = {"job": "1", "settings": {"samples": 4, "bounces": 12, "seed": 0, "crisp": False},
              "frame_seconds": {"4": 9.0, "5": 1.0, "6": 2.0}}  # fmt: skip
     for name, threshold in (("a", 0.1255), ("b", 0.9)):
@@ -71,21 +72,11 @@ def test_a_comparison_and_its_files(renders, tmp_path):
     masks = [np.load(tmp_path / n / "masks" / f"mask_{result['worst']['frame']:05d}.npz")["mask"] for n in "ab"]
     differ = np.count_nonzero((masks[0] ^ masks[1]) & int(Reason.DIRECT))
     assert result["worst"]["differing_percent"] == pytest.approx(100.0 * differ / masks[0].size) and differ > 0
-    written = {path.name for path in save_comparison(result, tmp_path / "out")}
-    assert written == {"comparison.txt", "comparison.json", "comparison.html", "worst.png"}
-    assert json.loads((tmp_path / "out" / "comparison.json").read_text()) == result
-    page = (tmp_path / "out" / "comparison.html").read_text()
-    assert "data:image/png;base64," in page and "://" not in page and "<script" not in page
-    text = (tmp_path / "out" / "comparison.txt").read_text()
-    assert "1.5" in text and f"frames {result['worst']['frame'] - 1} and" in text
-    code = f"reference compare {tmp_path / 'a'} {tmp_path / 'b'} --out {tmp_path / 'cli'}"
-    done = CliRunner().invoke(cli, code.split())
-    assert (
-        done.exit_code == 0
-        and "difference" in done.output
-        and "1.5" in done.output
-        and (tmp_path / "cli" / "worst.png").is_file()
-    )
+    done = CliRunner().invoke(cli, f"reference compare {tmp_path / 'a'} {tmp_path / 'b'}".split())
+    assert done.exit_code == 0 and "difference" in done.output and "1.5" in done.output
+    assert f"frames {result['worst']['frame'] - 1} and" in done.output
+    stated = CliRunner().invoke(cli, f"reference compare {tmp_path / 'a'} {tmp_path / 'b'} --json".split())
+    assert json.loads(stated.output) == result
 
 
 def test_a_comparison_without_masks_has_reasons(renders, tmp_path):
@@ -93,13 +84,7 @@ def test_a_comparison_without_masks_has_reasons(renders, tmp_path):
     result = compare_runs(tmp_path / "a", tmp_path / "a")
     assert result["masks"] == result["worst"] == {"reason": NO_MASKS} and result["features"] == {"reason": NO_CHANNELS}
     assert all("seconds" not in entry and entry["reason"] for entry in result["time"]["runs"])
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "worst.png").write_text("of an earlier comparison")
-    assert {path.name for path in save_comparison(result, tmp_path / "out")} == {
-        "comparison.txt", "comparison.json", "comparison.html"
-    }  # fmt: skip
-    assert NO_MASKS in (tmp_path / "out" / "comparison.txt").read_text()
-    assert not (tmp_path / "out" / "worst.png").exists()
+    assert NO_MASKS in to_text(comparison_tables(result))
 
 
 def test_feature_errors_are_the_planted_ones():

@@ -190,7 +190,7 @@ def assert_same(frame: dict[str, Array], traced: PathLight, shown: Array, sample
         np.testing.assert_allclose(frame[name][..., :3], lobes[..., :3], atol=1e-5, rtol=1e-5)
 
 
-SAMPLES, BOUNCES = 8, 5
+SAMPLES, BOUNCES = 4, 5
 IMAGE = np.random.default_rng(3).random((16, 32, 3)).astype(np.float32)
 IMAGE[3, 22] = 100.0
 """A sky of colored patches with a small sun; its directions are drawn by luminance."""

@@ -84,7 +84,7 @@ def test_where_the_other_eye_shows_a_surface(gpu):
         got = {name: read_channel(frame.textures[name], name) for name in ("position", "motion")}
         motion, mask = (read_channel(frame.textures[f"eye_{name}"], name) for name in ("motion", "mask"))
     with RasterInputs(request("eye"), reads) as across:
-        across.advance_eye(5)
+        across.before(5)
         expected = across.advance(5)
         np.testing.assert_array_equal(mask, read_channel(expected.textures["mask"], "mask"))
         np.testing.assert_allclose(motion, read_channel(expected.textures["motion"], "motion"), atol=1e-4)

@@ -33,11 +33,11 @@ def test_the_history_is_what_a_camera_at_the_other_eye_gets(gpu):
     scene = still()
     chosen = settings(history="eye", eyes=EYES)
     with given(gpu, scene, history="eye", eyes=EYES) as inputs:
-        first = inputs.advance_eye(0)
+        first = inputs.before(0)
         other, before = arrays(first), first
         frame = inputs.advance(0)
         got = arrays(frame)
-        again = inputs.advance_eye(1)
+        again = inputs.before(1)
         assert (before.cut, frame.cut, again.cut) == (True, False, True)
         assert (before.index, frame.index, again.index) == (0, 1, 2)
     with given(gpu, scene, camera=other_eye(scene, choose_camera(scene), chosen)) as there, given(gpu, scene) as here:

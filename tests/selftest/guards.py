@@ -23,8 +23,6 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics import activity, counts, streaming
 from taubench_gl.scene.gltf import meshes
 from taubench_gl.selftest import bench, statistics
-from taubench_gl.selftest.animation import plain_slerp
-from taubench_gl.selftest.statistics import one_pass_variance
 from taubench_gl.settings import MetricsSettings, SequenceSettings
 
 Array = np.ndarray
@@ -150,6 +148,13 @@ def _sum_in_floats() -> AbstractContextManager[None]:
     return _replaced((bench, "counts_of", floats))
 
 
+def one_pass_variance(values: Array) -> float:
+    """E[x^2] - E[x]^2, the one-pass formula."""
+    total = float(np.cumsum(values)[-1])
+    squares = float(np.cumsum(values * values)[-1])
+    return squares / len(values) - (total / len(values)) ** 2
+
+
 class _OnePass(streaming.Welford):
     """E[x^2] - E[x]^2, from sums of squares."""
 
@@ -169,6 +174,13 @@ class _OnePass(streaming.Welford):
 
 def _one_pass_variance() -> AbstractContextManager[None]:
     return _replaced((statistics, "Welford", _OnePass))
+
+
+def plain_slerp(a: Array, b: Array, u: float) -> Array:
+    """Slerp with acos and a division by sin(angle), without a choice of hemisphere.  (4,), (4,) unit xyzw -> (4,)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        angle = np.arccos(np.dot(a, b))
+        return (np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle)
 
 
 def _slerp_always(flip: bool) -> Callable[[Array, Array, Array], Array]:

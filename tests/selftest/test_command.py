@@ -39,14 +39,13 @@ def test_rows_and_verdict(run):
     code, out, _ = run("--backend", "egl", "--only", "camera")
     assert code == 0
     assert "pass  angle-wrap" in out and "cases passed" in out
-    assert "|359 - 1|: 358" in out
 
 
 def test_failed_case_gives_exit_code_1_and_does_not_stop_the_others(run, broken):
     code, out, _ = run("--backend", "egl", "--only", "made-up-", "--only", "angle-wrap")
     assert code == 1
     assert "FAIL  made-up-wrong" in out and "FAIL  made-up-nan" in out and "pass  angle-wrap" in out
-    assert "ZeroDivisionError: oops" in out
+    assert "ZeroDivisionError: oops" in out and out.count("common failure: failure") == 3
     assert "3 of 4 cases FAILED" in out
 
 
@@ -61,7 +60,7 @@ def test_json(run, broken):
     assert code == 1
     report = json.loads(out)
     rows = {row["name"]: row for row in report["cases"]}
-    assert rows["pitch-through-90"]["passed"] and rows["pitch-through-90"]["naive"]["passes"] is False
+    assert rows["pitch-through-90"]["passed"]
     assert rows["made-up-nan"]["error"] is None and not rows["made-up-nan"]["passed"]
     assert rows["made-up-raises"]["failure"] == "ZeroDivisionError: oops"
     assert report["failed"] == 3 and report["passed"] == 1

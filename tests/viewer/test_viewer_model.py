@@ -25,7 +25,7 @@ from taubench_gl.viewer.actions import (
 )
 from taubench_gl.viewer.controls import Choice, Number
 from taubench_gl.viewer.feeds import OpenRequest, scene_of, scene_path
-from taubench_gl.viewer.layout import Shown, around, arrange, script_size, start_size
+from taubench_gl.viewer.layout import around, arrange, script_size, start_size
 from taubench_gl.viewer.state import CONTROLS, ViewerState, set_variable, variables
 
 DOC = Path(__file__).resolve().parents[2] / "docs" / "viewer.md"
@@ -196,7 +196,7 @@ def test_invalid_values_are_errors(name, text):
 )
 @pytest.mark.parametrize("size", [(640, 360), (16, 1000), (1000, 16)])
 def test_panels_do_not_overlap_the_images(window, size, panels, tiles):
-    layout = arrange(window, size, panels, Shown(tiles=tiles))
+    layout = arrange(window, size, panels, tiles=tiles)
     assert len(layout.images) == tiles
     for i, (x, y, w, h) in enumerate(layout.images):
         others = [*layout.images[:i], *(p for p in (layout.left, layout.right, layout.bar) if p is not None)]
@@ -211,8 +211,8 @@ def test_side_panels_are_merged_in_narrow_windows():
     wide, narrow = (arrange((width, 500), (64, 36), True) for width in (1280, 700))
     assert wide.left is not None and wide.right is not None and not wide.merged
     assert narrow.left is None and narrow.right is not None and narrow.merged
-    alone = arrange((1280, 720), (64, 36), True, Shown(left=False, bar=False))
-    assert alone.left is None and alone.bar is None and alone.right is not None
+    alone = arrange((1280, 720), (64, 36), True, bar=False)
+    assert alone.bar is None and alone.left is not None and alone.right is not None
     assert arrange((1280, 720), (640, 360), True).image[2:] == (640, 360)  # exact pixels between both panels
 
 
@@ -290,7 +290,7 @@ def test_image_pixel_at_a_window_position():
     assert layout.pixel(639.9, 359.9, (64, 36)) == (63, 35)
     assert layout.pixel(15, 15, (64, 36)) == (1, 1)
     assert layout.pixel(640, 10, (64, 36)) is None
-    tiles = arrange((1280, 720), (64, 36), True, Shown(tiles=3))
+    tiles = arrange((1280, 720), (64, 36), True, tiles=3)
     for tile in range(3):
         assert tiles.pixel(*tiles.place(10, 20, (64, 36), tile), (64, 36)) == (10, 20)
     assert arrange((0, 0), (64, 36), panels=True).pixel(0, 0, (64, 36)) is None

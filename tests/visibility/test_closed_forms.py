@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from sight_tools import look, surely
 
 from taubench_gl.conventions import Visibility
-from taubench_gl.scene.builder import SceneBuilder, box
-from taubench_gl.scene.model import Camera, Channel, Material
+from taubench_gl.scene.builder import SceneBuilder, box, morphed
+from taubench_gl.scene.model import Camera, Channel
 
 BOARD, WALL, HALF, STEP = 2.0, 5.0, 0.4, 0.35
 """Depths of board and wall, half the board's width, and how far the camera moves to the right: meters."""
@@ -65,15 +65,27 @@ def test_the_mask_does_not_depend_on_the_resolution(gpu):
     assert len(np.unique(low[inside])) == 2 and (same == Visibility.OUTSIDE).sum() >= (~inside).sum() - len(low)
 
 
-def test_a_board_seen_from_its_undrawn_back_hides_nothing(gpu):
-    """The rasterizer does not draw a board that faces away, so the previous camera saw through it."""
-    turned = quad((HALF, -9, -BOARD), (-2 * HALF, 0, 0), (0, 18, 0))
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("morphing", [False, True])
+def test_a_board_seen_from_its_undrawn_back_hides_nothing(gpu, mirrored, morphing):
+    """The rasterizer does not draw a board that faces away, so the previous camera saw through it.
+
+    A mirror turns the triangles over, and with them which side is drawn: the board faces away under it too.
+    """
+    board = quad((HALF, -9, -BOARD), (-2 * HALF, 0, 0), (0, 18, 0))
     wall = quad((-30, -30, -WALL), (60, 0, 0), (0, 60, 0))
-    for double_sided, expected in ((False, 0), (True, 1)):
-        scene = make_scene(turned, wall, materials=(Material(double_sided=double_sided),))
-        meshes = tuple(replace(m, primitives=tuple(replace(p, material=0) for p in m.primitives)) for m in scene.meshes)
-        sight = look(gpu, replace(scene, meshes=meshes), sideways(), (96, 54))
-        assert bool((sight.kind == Visibility.OCCLUDED).any()) == bool(expected)
+    for double_sided in (False, True):
+        b = SceneBuilder()
+        material = b.material(double_sided=double_sided)
+        shown = [replace(primitive, material=material) for primitive in (board, wall)]
+        if morphing:
+            shown[0] = morphed(shown[0], np.zeros_like(board.positions))
+        node = b.node(mesh=b.mesh(shown[0], weights=(0.0,) * morphing), scale=(1.0 - 2.0 * mirrored, 1.0, 1.0))
+        b.node(mesh=b.mesh(shown[1]))
+        if morphing:
+            b.animate(node, "weights", [0.0, 1.0], [(0.0,), (1.0,)])
+        sight = look(gpu, b.build(), sideways(), (96, 54))
+        assert (sight.kind == Visibility.OCCLUDED).any() == double_sided
 
 
 @pytest.mark.parametrize("degrees", [10.0, 60.0, 80.0])

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taubench_gl.animation.pose import moved_nodes
 from taubench_gl.frame.casters import Rect, ShadowMapCache
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant, reads_material
 from taubench_gl.frame.records import RECORD, Placement, RecordTable
-from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers
+from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers, triangles_of
 from taubench_gl.frame.shadow_faces import FACE, FACE_ROW, Face, FaceTable, faces_of, first_faces, pack
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.context import Gpu
@@ -64,25 +65,15 @@ def shadow_maps(spec: FrameSpec) -> Sequence[Pass]:
     return (p,)
 
 
-def moving_nodes(scene: Scene) -> Array:
-    """Nodes that a channel moves or hides, also one with constant values, or that are below such a node, (N,) bool."""
-    nodes = scene.nodes
-    moves = np.zeros(len(nodes.parent), dtype=bool)
-    moves[[c.index for c in scene.channels if c.target == "node" and c.path != "weights"]] = True
-    for level in nodes.levels()[1:]:
-        moves[level] |= moves[nodes.parent[level]]
-    return moves
-
-
 def fixed_draws(scene: Scene, draws: tuple[Draw, ...]) -> Array:
     """Draws that no animation moves, bends or hides, (D,) bool."""
-    moves = moving_nodes(scene)
+    moves = moved_nodes(scene, scene.channels)
     return np.array([not (d.posed or moves[d.node]) for d in draws], dtype=bool)
 
 
 def keeps_fixed_maps(spec: FrameSpec) -> bool:
     """Whether what stands still has maps of its own: it is much to draw, and something else moves."""
-    moves = moving_nodes(spec.scene)
+    moves = moved_nodes(spec.scene, spec.scene.channels)
     fixed = [(n, p) for n, p in spec.animated.drawn if not moves[n] and not spec.is_posed(n, p)]
     instances = spec.scene.nodes.instances
     triangles = sum(len(p.triangles) * len(instances.get(n, (None,))) for n, p in fixed)
@@ -197,7 +188,8 @@ class FaceDrawer:
                 self._frames.bind_to_uniform_block(binding, offset=row * STRIDE, size=FRAME.dtype.itemsize)
                 if reads_material(variant):
                     frame.materials.bind(group.material, raster.bindings, slots)
-                scene.draw_commands(group, raster.program(variant), self._commands, first, count, records)
+                triangles = self._triangles[first : first + count]
+                scene.draw_commands(group, raster.program(variant), self._commands, first, triangles, records)
         if parts is not None:
             framebuffer.scissor = None
         frame.materials.unbind()
@@ -224,7 +216,8 @@ class FaceDrawer:
             runs.append([(group, first + size, count) for group, first, count in groups])
             payload.append(commands)
             size += len(commands)
-        self._commands = fitted(self._gpu, self._commands, np.concatenate(payload))
+        every = np.concatenate(payload)
+        self._commands, self._triangles = fitted(self._gpu, self._commands, every), triangles_of(every)
         return runs
 
     def release(self) -> None:

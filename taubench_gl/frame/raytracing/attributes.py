@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.frame.context import FrameContext
-from taubench_gl.frame.geometry import DEFAULTS, Draw
+from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import texture_of
 from taubench_gl.frame.raytracing import hit_tables
 from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES, atlas_pixels, plan_atlas
@@ -25,11 +25,13 @@ from taubench_gl.frame.raytracing.hit_tables import (
     MATERIAL_TEXELS,
     ROW_BITS,
     SLOT_TEXELS,
+    DrawnPool,
     HitOptions,
     build_tables,
     emitter_cell_count,
     hit_slots,
 )  # fmt: skip
+from taubench_gl.frame.raytracing.trees import write_texels
 from taubench_gl.frame.spec import bound_times
 from taubench_gl.gpu.declare import ComputePass, Resource
 from taubench_gl.scene.model import Material, Scene
@@ -40,7 +42,6 @@ if TYPE_CHECKING:
     from taubench_gl.frame.renderer import Renderer
 
 Array = np.ndarray
-_POOL = {"positions": 3, "normals": 3, "tangents": 4, "texcoords0": 2, "texcoords1": 2, "colors": 4}
 ALL = HitOptions()
 NO_EMITTERS = np.zeros(0, EMITTER)
 _TABLES = "tables of ray hits"
@@ -75,15 +76,19 @@ class _StoredHits:
         self.atlas = plan_atlas(sizes, context.gpu.ctx.info["GL_MAX_TEXTURE_SIZE"], atlas_bytes)
         states = [renderer.poser.sample(float(t)) for t in bound_times(scene)] if options.emission != "none" else []
         self.emitters = emitter_table(scene, draws, states, options, self._pixels) if states else NO_EMITTERS
-        self.tables = build_tables(scene, draws, _pools(renderer, draws), self.atlas, options, self.emitters)
-        static, self.tables.static = self.tables.static, np.zeros(0)  # on the GPU from here on
-        size = static.shape[1::-1]
-        wanted = [Resource.texture("hit_static", size, dtype="u4", what=_TABLES, hint=_HINT)]
+        pools = {
+            posed: DrawnPool(buffers, [d for d in draws if d.posed == posed])
+            for posed, buffers in renderer.buffers.pools.items()
+        }
+        self.tables = build_tables(scene, draws, pools, self.atlas, options, self.emitters)
+        static = self.tables.static
+        wanted = [Resource.texture("hit_static", static.size, dtype="u4", what=_TABLES, hint=_HINT)]
         if self.atlas.places:
             what = "textures of ray hits"
             wanted.append(Resource.texture("hit_atlas", self.atlas.size, dtype="f1", what=what, hint=_HINT))
         self.textures: dict[str, moderngl.Texture] = {r.name: context.allocate(r) for r in wanted}
-        self.textures["hit_static"].write(np.ascontiguousarray(static))
+        for at, words in static.taken():
+            write_texels(self.textures["hit_static"], at, words)
         colors = [image for image, color in images.items() if color]
         for viewport, texels in atlas_pixels(self.atlas, self._pixels, colors):
             self.textures["hit_atlas"].write(np.ascontiguousarray(texels), viewport=viewport)
@@ -207,23 +212,4 @@ def _images(scene: Scene, draws: tuple[Draw, ...], options: HitOptions) -> dict[
         for slot in hit_slots(materials[m], options):
             image = texture_of(materials[m], slot).image
             out[image] = out.get(image, False) or slot in COLOR_SLOTS
-    return out
-
-
-def _pools(renderer: Renderer, hit_draws: tuple[Draw, ...]) -> dict[bool, dict[str, Array]]:
-    """Attributes of ``hit_draws`` by pool, read back from the GPU.  Positions of the posed pool are of some frame."""
-    out = {}
-    for posed, buffers in renderer.buffers.pools.items():
-        draws = [d for d in hit_draws if d.posed == posed]
-        vertices = max((d.base_vertex + d.vertex_count for d in draws), default=0)
-        indices = max((d.first_index + d.index_count for d in draws), default=0)
-        out[posed] = {
-            name: np.frombuffer(buffers[name].read(4 * width * vertices), np.float32).reshape(vertices, width)
-            if vertices and buffers[name].size >= 4 * width * vertices
-            else np.broadcast_to(DEFAULTS.get(name, np.float32(0)), (vertices, width))
-            for name, width in _POOL.items()
-        }
-        out[posed]["indices"] = (
-            np.frombuffer(buffers["indices"].read(4 * indices), np.uint32) if indices else np.zeros(0, np.uint32)
-        )
     return out

@@ -1,7 +1,8 @@
 """Bounding volume hierarchies by the surface-area heuristic, compiled by Numba when first needed.  No OpenGL.
 
-Binned splits (Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007), stored depth first with
-skip pointers, which need no stack to traverse (Smits, "Efficiency Issues for Ray Tracing", 1998).
+Binned splits (Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007), large nodes by a sample of
+their boxes, stored depth first with skip pointers, which need no stack to traverse (Smits, "Efficiency Issues for Ray
+Tracing", 1998).
 
 A tree is a pure function of its boxes.  Its depth is bounded: boxes that no plane separates are halved by number.
 """
@@ -48,6 +49,9 @@ class Tree:
         return len(self.right)
 
 
+SAMPLED = 256
+"""The plane of a larger node is found from every n-th of its boxes, from this many to twice as many."""
+
 FEW = 16
 """Most boxes of a node whose planes are found by sorting: a fifth of the time of bins for nodes of a few boxes."""
 
@@ -71,9 +75,9 @@ def build(low: Array, high: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
     return Tree(*_build(boxes, leaf))
 
 
-def build_over(corners: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
-    """A tree over the boxes of triangles with ``corners`` (T, 3, 3) float32, finite; T >= 1."""
-    return Tree(*_build(_boxes(np.ascontiguousarray(corners, np.float32)), leaf))
+def build_over(vertices: Array, triangles: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
+    """A tree over the boxes of ``triangles`` (T, 3), rows of ``vertices`` (V, 3) float32, finite; T >= 1."""
+    return Tree(*_build(_boxes(vertices, triangles), leaf))
 
 
 def skips(tree: Tree) -> Array:
@@ -90,11 +94,11 @@ def heights(tree: Tree) -> Array:
 
 
 @_compiled
-def _boxes(corners):
-    out = np.zeros((len(corners), 8), np.float32)
-    for t in range(len(corners)):
+def _boxes(vertices, triangles):
+    out = np.zeros((len(triangles), 8), np.float32)
+    for t in range(len(triangles)):
         for k in range(3):
-            a, b, c = corners[t, 0, k], corners[t, 1, k], corners[t, 2, k]
+            a, b, c = vertices[triangles[t, 0], k], vertices[triangles[t, 1], k], vertices[triangles[t, 2], k]
             out[t, k] = min(a, b, c)
             out[t, 4 + k] = -max(a, b, c)
     return out
@@ -114,20 +118,17 @@ def _extend(box, other):
 
 
 @_inlined
-def _measure(boxes, order, begin, end, box, center_low, scale):
-    """Fill the union of the boxes ``order[begin:end]``, their lowest center along each axis, and bins for each meter.
+def _measure(boxes, order, begin, end, step, center_low, scale):
+    """Fill the lowest center of the boxes ``order[begin:end:step]`` along each axis, and bins for each meter.
 
     Centers are times 2, which saves a product; 0 bins for each meter: no extent.
     """
-    box[3], box[7] = 0, 0
     for k in range(3):
-        low, high, lowest, highest = np.float32(np.inf), np.float32(np.inf), np.float32(np.inf), np.float32(-np.inf)
-        for i in range(begin, end):
-            a, b = boxes[order[i], k], boxes[order[i], 4 + k]
-            c = a - b
-            low, high = a if a < low else low, b if b < high else high
+        lowest, highest = np.float32(np.inf), np.float32(-np.inf)
+        for i in range(begin, end, step):
+            c = boxes[order[i], k] - boxes[order[i], 4 + k]
             lowest, highest = c if c < lowest else lowest, c if c > highest else highest
-        box[k], box[4 + k], center_low[k] = low, high, lowest
+        center_low[k] = lowest
         extent = highest - lowest
         scale[k] = np.float32(BINS) / extent if extent > 0 else np.float32(0)
         if not np.isfinite(scale[k]):
@@ -137,18 +138,19 @@ def _measure(boxes, order, begin, end, box, center_low, scale):
 @_inlined
 def _bin_of(boxes, t, k, center_low, scale):
     """The bin along axis ``k`` that the center of box ``t`` is in."""
-    return min(np.int64((boxes[t, k] - boxes[t, 4 + k] - center_low[k]) * scale[k]), BINS - 1)
+    return np.int64(min((boxes[t, k] - boxes[t, 4 + k] - center_low[k]) * scale[k], np.float32(BINS - 1)))
 
 
 @_compiled
-def _plane_of_many(boxes, order, begin, end, center_low, scale, bins, counts, right_area, run):
+def _plane_of_many(boxes, order, begin, end, step, center_low, scale, bins, counts, right_area, run):
     """Axis, last bin before the cheapest plane, and area times number of boxes of both sides; axis -1: none separates.
 
-    ``bins`` (3, BINS, 8), ``counts`` (3, BINS): room for the boxes of each bin.
+    Of every ``step``-th box.  ``bins`` (3, BINS, 8), ``counts`` (3, BINS): room for the boxes of each bin.
     """
     bins.fill(np.inf)
     counts.fill(0)
-    for i in range(begin, end):
+    sampled = (end - begin + step - 1) // step
+    for i in range(begin, end, step):
         t = order[i]
         for k in range(3):
             if scale[k] > 0:
@@ -168,7 +170,7 @@ def _plane_of_many(boxes, order, begin, end, center_low, scale, bins, counts, ri
         for b in range(BINS - 1):
             running += counts[k, b]
             _extend(run, bins[k, b])
-            rest = end - begin - running
+            rest = sampled - running
             if running and rest:
                 cost = _area(run) * running + right_area[b + 1] * rest
                 if cost < least_cost:
@@ -178,29 +180,35 @@ def _plane_of_many(boxes, order, begin, end, center_low, scale, bins, counts, ri
 
 @_compiled
 def _plane_of_few(boxes, order, begin, end, center_low, scale, at, bins, right_area, run):
-    """``_plane_of_many`` of at most FEW boxes, which sorts them by bin; ``at``, ``bins`` (FEW,): room for that."""
+    """``_plane_of_many`` of at most FEW boxes, sorted by bin along the longest axis of their centers.
+
+    ``at``, ``bins`` (FEW,): room for that.
+    """
     axis, last_bin, least_cost, n = -1, 0, np.inf, end - begin
-    for k in range(3):
-        if scale[k] == 0:
-            continue
-        for i in range(n):
-            t = order[begin + i]
-            b, j = _bin_of(boxes, t, k, center_low, scale), i
-            while j > 0 and bins[j - 1] > b:
-                at[j], bins[j] = at[j - 1], bins[j - 1]
-                j -= 1
-            at[j], bins[j] = t, b
-        run.fill(np.inf)
-        for i in range(n - 1, 0, -1):
-            _extend(run, boxes[at[i]])
-            right_area[i] = _area(run)
-        run.fill(np.inf)
-        for i in range(n - 1):
-            _extend(run, boxes[at[i]])
-            if bins[i] < bins[i + 1]:
-                cost = _area(run) * (i + 1) + right_area[i + 1] * (n - 1 - i)
-                if cost < least_cost:
-                    axis, last_bin, least_cost = k, bins[i], cost
+    longest = 0
+    for k in range(1, 3):
+        if scale[k] > 0 and (scale[longest] == 0 or scale[k] < scale[longest]):
+            longest = k
+    if scale[longest] == 0:
+        return axis, last_bin, least_cost
+    for i in range(n):
+        t = order[begin + i]
+        b, j = _bin_of(boxes, t, longest, center_low, scale), i
+        while j > 0 and bins[j - 1] > b:
+            at[j], bins[j] = at[j - 1], bins[j - 1]
+            j -= 1
+        at[j], bins[j] = t, b
+    run.fill(np.inf)
+    for i in range(n - 1, 0, -1):
+        _extend(run, boxes[at[i]])
+        right_area[i] = _area(run)
+    run.fill(np.inf)
+    for i in range(n - 1):
+        _extend(run, boxes[at[i]])
+        if bins[i] < bins[i + 1]:
+            cost = _area(run) * (i + 1) + right_area[i + 1] * (n - 1 - i)
+            if cost < least_cost:
+                axis, last_bin, least_cost = longest, bins[i], cost
     return axis, last_bin, least_cost
 
 
@@ -261,19 +269,23 @@ def _build(boxes, leaf):
         nodes += 1
         if parent >= 0:
             right[parent] = node
-        box = nodes_of[node]
-        _measure(boxes, order, begin, end, box, center_low, scale)
         total = end - begin
+        step = max(total // SAMPLED, 1)
+        _measure(boxes, order, begin, end, step, center_low, scale)
         axis, last_bin, least_cost = -1, 0, np.inf
         if total > 1 and depth < MAX_DEPTH:
             if total <= FEW:
                 found = _plane_of_few(boxes, order, begin, end, center_low, scale, at, bin_of, areas, run)
             else:
-                found = _plane_of_many(boxes, order, begin, end, center_low, scale, bins, counts, areas, run)
+                found = _plane_of_many(boxes, order, begin, end, step, center_low, scale, bins, counts, areas, run)
             axis, last_bin, least_cost = found
-        area = _area(box)
         right[node], first[node], count[node] = -1, 0, 0
         if total <= leaf:
+            box = nodes_of[node]
+            box.fill(np.inf)
+            for i in range(begin, end):
+                _extend(box, boxes[order[i]])
+            area = _area(box)
             split_cost = NODE_COST * 2.0 * area + TRIANGLE_COST * least_cost
             if axis < 0 or split_cost >= TRIANGLE_COST * area * total:
                 first[node], count[node] = begin, total
@@ -285,6 +297,10 @@ def _build(boxes, leaf):
         _push(stack, top, middle, end, depth + 1, node)
         _push(stack, top + 1, begin, middle, depth + 1, -1)
         top += 2
+    for node in range(nodes - 1, -1, -1):  # children come after their parent
+        if count[node] == 0:
+            for k in range(8):
+                nodes_of[node, k] = min(nodes_of[node + 1, k], nodes_of[right[node], k])
     # Views: what lies behind them was never touched and takes no memory, copies would at the moment when most is taken.
     return nodes_of[:nodes, :3], -nodes_of[:nodes, 4:7], right[:nodes], first[:nodes], count[:nodes], order
 

@@ -9,20 +9,27 @@ Two tables of texels of four 32-bit words each (floats as their bits), in rows o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taubench_gl.effects.lighting import counts_as_light, emits
-from taubench_gl.frame.geometry import Draw
+from taubench_gl.frame.geometry import DEFAULTS, Draw
 from taubench_gl.frame.materials import MIRRORED_REPEAT, material_cutoff, tests_alpha, texture_of
 from taubench_gl.frame.materials import REPEAT as GL_REPEAT
 from taubench_gl.frame.raytracing.atlas import AtlasPlan
+from taubench_gl.frame.raytracing.texels import AT_ONCE, Texels
 from taubench_gl.frame.records import Placement
 from taubench_gl.scene.model import Material, Scene, Texture
 
+if TYPE_CHECKING:
+    import moderngl
+
 Array = np.ndarray
+_WIDTHS = {"positions": 3, "normals": 3, "tangents": 4, "texcoords0": 2, "texcoords1": 2, "colors": 4}
 
 ROW_BITS = 13
 DRAW_TEXELS = 5
@@ -97,34 +104,24 @@ def hit_slots(material: Material, options: HitOptions) -> tuple[str, ...]:
     return tuple(s for s in options.slots if needed[s] and texture_of(material, s) is not None)
 
 
-class WordTable:
-    """Texels (N, 4) uint32, appended part by part."""
+class DrawnPool:
+    """Attributes of the ``draws`` of one vertex pool, read back from its buffers part by part.
 
-    def __init__(self) -> None:
-        self._parts: list[Array] = []
-        self.count = 0
+    Positions of the posed pool are of some frame.
+    """
 
-    def add(self, texels: Array) -> int:
-        """Append (n, 4) values of 32 bits; the place of the first."""
-        first = self.count
-        words = np.ascontiguousarray(texels).reshape(-1, 4).view(np.uint32)
-        self._parts.append(words)
-        self.count += len(words)
-        return first
+    def __init__(self, buffers: Mapping[str, moderngl.Buffer], draws: Sequence[Draw]):
+        self._buffers = buffers
+        self.vertices = max((d.base_vertex + d.vertex_count for d in draws), default=0)
+        self.indices = max((d.first_index + d.index_count for d in draws), default=0)
 
-    def image(self) -> Array:
-        """(rows, 2^ROW_BITS, 4) uint32, the last row padded.  Takes the parts, so that they are not held twice."""
-        out = np.zeros((*table_size(self.count)[::-1], 4), np.uint32)  # (rows, columns) of a (width, height)
-        rest = out.reshape(-1, 4)
-        while self._parts:
-            part = self._parts.pop(0)
-            rest[: len(part)], rest = part, rest[len(part) :]
-        return out
-
-
-def table_size(count: int) -> tuple[int, int]:
-    """Texels (columns, rows) of a table of ``count`` texels."""
-    return 1 << ROW_BITS, max(-(-count >> ROW_BITS), 1)
+    def read(self, name: str, first: int, count: int) -> Array:
+        """``count`` numbers of ``indices``, or rows of an attribute of ``geometry.Pool``, from number ``first`` on."""
+        width = _WIDTHS.get(name, 1)
+        if self._buffers[name].size < 4 * width * self.vertices:
+            return np.broadcast_to(DEFAULTS.get(name, np.float32(0)), (count, width))
+        data = self._buffers[name].read(4 * width * count, offset=4 * width * first)
+        return np.frombuffer(data, np.uint32 if name == "indices" else np.float32).reshape(count, width)
 
 
 def vertex_texels(positions: Array, normals: Array, texcoords: Array) -> Array:
@@ -135,7 +132,7 @@ def vertex_texels(positions: Array, normals: Array, texcoords: Array) -> Array:
     return out
 
 
-def draw_centers(draws: Sequence[Draw], positions: Array) -> Array:
+def draw_centers(draws: Sequence[Draw], pool: DrawnPool) -> Array:
     """Middle of the box of each fixed draw's vertices, float32 numbers; 0 of posed draws.  (D, 3) float64.
 
     Far from it, float32 would have fewer digits for a point on a triangle than for the triangle's corners.
@@ -146,20 +143,30 @@ def draw_centers(draws: Sequence[Draw], positions: Array) -> Array:
         if d.posed:
             continue
         if d.base_vertex not in known:
-            vertices = positions[d.base_vertex : d.base_vertex + d.vertex_count].astype(np.float64)
+            vertices = pool.read("positions", d.base_vertex, d.vertex_count).astype(np.float64)
             known[d.base_vertex] = (0.5 * (vertices.min(axis=0) + vertices.max(axis=0))).astype(np.float32)
         out[i] = known[d.base_vertex]
     return out
 
 
-def centered(draws: Sequence[Draw], centers: Array, positions: Array) -> Array:
-    """Positions of the fixed pool (V, 3) relative to the centers of their draws, float32."""
-    out = np.array(positions, dtype=np.float32)
-    for first, (count, center) in {
-        d.base_vertex: (d.vertex_count, c) for d, c in zip(draws, centers, strict=True) if not d.posed
-    }.items():
-        out[first : first + count] = positions[first : first + count].astype(np.float64) - center
-    return out
+def _vertices(pool: DrawnPool, origins: Mapping[int, Array]) -> Iterator[Array]:
+    """``vertex_texels`` of a pool, AT_ONCE vertices at a time.
+
+    ``origins``: first vertex of a draw, ascending -> (3,) what its positions are relative to.
+    """
+    first, origin = np.array([*origins]), np.array([*origins.values()])
+    for at in range(0, pool.vertices, AT_ONCE):
+        count = min(AT_ONCE, pool.vertices - at)
+        positions, normals, texcoords = (pool.read(n, at, count) for n in ("positions", "normals", "texcoords0"))
+        owner = np.searchsorted(first, np.arange(at, at + count), side="right") - 1
+        yield vertex_texels(positions.astype(np.float64) - origin[owner], normals, texcoords)
+
+
+def _triangles(pool: DrawnPool) -> Iterator[Array]:
+    """Vertices of the triangles of a pool, a texel each, AT_ONCE at a time."""
+    for at in range(0, pool.indices, 3 * AT_ONCE):
+        indices = pool.read("indices", at, min(3 * AT_ONCE, pool.indices - at)).reshape(-1, 3)
+        yield np.pad(indices, ((0, 0), (0, 1)))
 
 
 def material_texels(
@@ -248,20 +255,23 @@ class DrawTable:
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) of ``image`` in texels."""
-        return table_size(self.rows.size // 4)
+        return self._texels().size
 
     def image(self) -> Array:
         """Records of all draws as texels, (rows, 2^ROW_BITS, 4) uint32."""
-        table = WordTable()
+        return self._texels().rows()
+
+    def _texels(self) -> Texels:
+        table = Texels(row_bits=ROW_BITS)
         table.add(self.rows)
-        return table.image()
+        return table
 
 
 @dataclass(slots=True)
 class HitTables:
     """Everything of a scene that does not change from frame to frame."""
 
-    static: Array  # (rows, 2^ROW_BITS, 4) uint32
+    static: Texels
     draws: DrawTable
     slots: dict[str, bool]  # texture slot -> whether some draw needs it
     transformed: bool  # whether a texture has a transform
@@ -276,25 +286,23 @@ class HitTables:
 def build_tables(
     scene: Scene,
     draws: tuple[Draw, ...],
-    pools: Mapping[bool, Mapping[str, Array]],
+    pools: Mapping[bool, DrawnPool],
     atlas: AtlasPlan,
     options: HitOptions,
     emitters: Array,
 ) -> HitTables:
-    """``pools``: posed or not -> attributes by name, as ``geometry.Pool``; ``emitters``: rows of ``EMITTER``."""
-    table = WordTable()
+    """``pools``: by whether they are posed; ``emitters``: rows of ``EMITTER``."""
+    table = Texels(row_bits=ROW_BITS)
     materials = (Material(), *scene.materials)
     rows, slots = material_texels(materials, atlas, options)
     first_material = table.add(rows)
     first_vertex, first_triangle = {}, {}
-    centers = draw_centers(draws, pools[False]["positions"])
-    for posed in (False, True):
-        pool = pools[posed]
-        positions = pool["positions"] if posed else centered(draws, centers, pool["positions"])
-        first_vertex[posed] = table.add(vertex_texels(positions, pool["normals"], pool["texcoords0"]))
-        triangles = np.zeros((len(pool["indices"]) // 3, 4), np.uint32)
-        triangles[:, :3] = pool["indices"].reshape(-1, 3)
-        first_triangle[posed] = table.add(triangles)
+    centers = draw_centers(draws, pools[False])
+    for posed, pool in pools.items():
+        origins = {d.base_vertex: center for d, center in zip(draws, centers, strict=True) if d.posed == posed}
+        made = partial(_vertices, pool, dict(sorted(origins.items())))
+        first_vertex[posed] = table.add_later(2 * pool.vertices, made)
+        first_triangle[posed] = table.add_later(pool.indices // 3, partial(_triangles, pool))
     extras = _Extras(table, pools)
     out = DrawTable(draws, centers)
     first_emitter = {int(d): int(r) for d, r in zip(*np.unique(emitters["draw"], return_index=True), strict=True)}
@@ -318,7 +326,7 @@ def build_tables(
     drawn = {d.material + 1 for d in draws}
     bits = out.rows[:, 3, 1]
     return HitTables(
-        table.image(), out,
+        table, out,
         slots={s: any(s in slots[m] for m in drawn) for s in options.slots},
         transformed=any(is_transformed(texture_of(materials[m], s)) for m in drawn for s in slots[m]),
         second_uv=bool((bits & UV1).any()), colors=bool((bits & COLORS).any()),
@@ -331,14 +339,14 @@ def build_tables(
 class _Extras:
     """Attributes that only some primitives need: one texel a vertex, stored once for each primitive of a pool."""
 
-    def __init__(self, table: WordTable, pools: Mapping[bool, Mapping[str, Array]]):
+    def __init__(self, table: Texels, pools: Mapping[bool, DrawnPool]):
         self._table, self._pools = table, pools
         self._known: dict[tuple[str, bool, int], int] = {}
 
     def place(self, name: str, d: Draw) -> int:
         key = name, d.posed, d.base_vertex
         if key not in self._known:
-            values = self._pools[d.posed][name][d.base_vertex : d.base_vertex + d.vertex_count]
+            values = self._pools[d.posed].read(name, d.base_vertex, d.vertex_count)
             texels = np.zeros((len(values), 4), np.float32)
             texels[:, : values.shape[1]] = values
             self._known[key] = self._table.add(texels)

@@ -18,10 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.animation import Poser
-from taubench_gl.animation.curves import CUBICSPLINE, prepare_keys
+from taubench_gl.animation.curves import varies
+from taubench_gl.animation.pose import moved_nodes
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.math3d import bounds
-from taubench_gl.scene.model import Channel, Scene
+from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
 
@@ -83,21 +84,8 @@ def changing_nodes(scene: Scene) -> Array:
     By their channels and those of their ancestors, so that nothing between two sampled times is missed.
     """
     nodes = scene.nodes
-    changes = np.zeros(len(nodes), dtype=bool)
-    for channel in scene.channels:
-        of_node = channel.target == "node" and channel.path != "weights"
-        if of_node and (channel.path == "visible" or not nodes.has_matrix[channel.index]) and _varies(channel):
-            changes[channel.index] = True
-    for level in nodes.levels()[1:]:
-        changes[level] |= changes[nodes.parent[level]]
-    return changes
-
-
-def _varies(channel: Channel) -> bool:
-    keys = prepare_keys(channel)
-    if channel.interpolation != CUBICSPLINE:
-        return bool(np.any(keys != keys[0]))
-    return bool(np.any(keys[:, 1] != keys[0, 1]) or np.any(keys[:, (0, 2)] != 0.0))
+    free = [c for c in scene.channels if c.target == "node" and (c.path == "visible" or not nodes.has_matrix[c.index])]
+    return moved_nodes(scene, filter(varies, free))
 
 
 def _too_often(draws: tuple[Draw, ...], still: Array) -> Array:

@@ -100,7 +100,9 @@ class PosedTrees:
             )
             leaf = np.flatnonzero(tree.count > 0)
             self._leaves.add(
-                np.column_stack([first + leaf, slot + tree.first[leaf], tree.count[leaf], np.full(len(leaf), job)])
+                np.column_stack(
+                    [first + leaf, slot + tree.first[leaf], tree.count[leaf], np.full(len(leaf), job)]
+                ).astype(np.uint32)
             )
             height = heights(tree)
             for h in range(1, int(height.max()) + 1):

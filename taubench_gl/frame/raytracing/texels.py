@@ -13,7 +13,8 @@ Instance   four texels: the rows of grid_from_relative, float32; first node, num
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,9 @@ Array = np.ndarray
 
 ROW_BITS = 12
 """Images are 2^ROW_BITS texels wide."""
+
+AT_ONCE = 1 << 18
+"""Triangles or vertices whose texels are made at a time."""
 
 HALF_GRID = 32767
 """Grid coordinates of a tree's box: -HALF_GRID to HALF_GRID."""
@@ -115,35 +119,47 @@ def fill_instance(out: Array, matrix: Array, words: tuple[int, int, int, int]) -
 
 
 class Texels:
-    """An array of texels that grows part by part."""
+    """An array of texels of four 32-bit words, which grows part by part and is written to a texture in the end."""
 
-    def __init__(self, reserved: int = 0):
-        """``reserved``: texels at the start that are written later."""
-        self.parts, self.count = [np.zeros((reserved, 4), np.uint32)], reserved
+    def __init__(self, reserved: int = 0, row_bits: int = ROW_BITS):
+        """``reserved``: texels at the start that are written later; images are 2^``row_bits`` texels wide."""
+        self._parts: deque[Callable[[], Iterable[Array]]] = deque()
+        self.count, self._row_bits = 0, row_bits
+        self.add(np.zeros((reserved, 4), np.uint32))
 
     def add(self, texels: Array) -> int:
-        """Append ``texels`` (..., 4); the number of the first."""
+        """Append ``texels`` (..., 4) of 32 bits; the number of the first."""
+        words = np.ascontiguousarray(texels).reshape(-1, 4)
+        return self.add_later(len(words), lambda: (words,))
+
+    def add_later(self, count: int, make: Callable[[], Iterable[Array]]) -> int:
+        """Append ``count`` texels, which ``make`` returns array by array when they are taken; the number of the first.
+
+        So that a large table is not held beside the texture that it becomes.
+        """
         first = self.count
-        self.parts.append(texels.reshape(-1, 4))
-        self.count += len(self.parts[-1])
+        self._parts.append(make)
+        self.count += count
         return first
 
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) of an image of all texels, the last row filled up."""
-        return 1 << ROW_BITS, max(-(-self.count >> ROW_BITS), 1)
+        return 1 << self._row_bits, max(-(-self.count >> self._row_bits), 1)
 
     def taken(self) -> Iterator[tuple[int, Array]]:
-        """Every part with the number of its first texel; a part that was taken is no longer held here."""
+        """Arrays (n, 4) uint32 with the number of their first texel; what was taken is no longer held here."""
         at = 0
-        while self.parts:
-            part = self.parts.pop(0)
-            yield at, part
-            at += len(part)
+        while self._parts:
+            for part in self._parts.popleft()():
+                words = part.reshape(-1, 4).view(np.uint32)
+                yield at, words
+                at += len(words)
 
     def rows(self) -> Array:
-        """(rows, 2^ROW_BITS, 4) uint32, the last row filled up."""
+        """All texels, taken, as (rows, 2^row_bits, 4) uint32, the last row filled up."""
         width, height = self.size
         out = np.zeros((height * width, 4), np.uint32)
-        np.concatenate(self.parts, out=out[: self.count], casting="unsafe")
+        for at, words in self.taken():
+            out[at : at + len(words)] = words
         return out.reshape(height, width, 4)

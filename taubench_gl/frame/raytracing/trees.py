@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.raytracing import texels
 from taubench_gl.frame.raytracing.instances import InstanceTable
 from taubench_gl.frame.raytracing.refit import PosedTrees
-from taubench_gl.frame.raytracing.texels import ROW_BITS, Grid, PlacedTree, Texels
+from taubench_gl.frame.raytracing.texels import AT_ONCE, Grid, PlacedTree, Texels
 from taubench_gl.gpu.declare import Resource
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.math3d import bounds
@@ -24,9 +25,6 @@ Array = np.ndarray
 
 STRUCTURE = "the acceleration structure"
 HINT = "leave out --light path-traced, or simplify the scene"
-
-AT_ONCE = 1 << 18
-"""Triangles whose texels are made at a time."""
 
 TOPS = 4
 """Top levels that there is room for: of a pair of sources, each with this frame and the one before."""
@@ -136,20 +134,23 @@ class StoredTrees:
             return PlacedTree(0, 0, np.zeros(3), np.zeros(3), Grid.around(np.zeros(3), np.zeros(3)))
         boxes = [part.box for part in parts if len(part.triangles)]
         low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
-        grid, corners, end = Grid.around(low, high), np.empty((sum(counts), 3, 3), np.float32), 0
-        for part, count in zip(parts, counts, strict=True):
-            vertices = ((part.vertices - grid.center) * grid.scale).astype(np.float32)
-            corners[end : end + count], end = vertices[part.triangles], end + count
+        grid, starts = Grid.around(low, high), np.cumsum([0, *(len(part.vertices) for part in parts)])
+        vertices = np.concatenate([((p.vertices - grid.center) * grid.scale).astype(np.float32) for p in parts])
+        triangles = np.concatenate([p.triangles + np.uint32(s) for p, s in zip(parts, starts[:-1], strict=True)])
         number, draw = np.concatenate([p.number for p in parts]), np.repeat(np.uint32([p.draw for p in parts]), counts)
         flags = np.repeat(alpha.astype(np.uint32), counts)
         parts.clear()  # the caller has the list
-        tree = build_over(corners)
+        tree = build_over(vertices, triangles)
         first = self._nodes.add(texels.node_texels(tree, self._triangles.count // texels.TRIANGLE_TEXELS))
         nodes, order = len(tree), tree.order
         del tree  # larger than what is left of it
-        for at in range(0, len(corners), AT_ONCE):
-            o = order[at : at + AT_ONCE]
-            self._triangles.add(texels.triangle_texels(corners[o], number[o], draw[o], flags[o]))
+
+        def made() -> Iterator[Array]:
+            for at in range(0, len(order), AT_ONCE):
+                o = order[at : at + AT_ONCE]
+                yield texels.triangle_texels(vertices[triangles[o]], number[o], draw[o], flags[o])
+
+        self._triangles.add_later(texels.TRIANGLE_TEXELS * len(order), made)
         return PlacedTree(first, nodes, low, high, grid)
 
     def release(self) -> None:
@@ -158,8 +159,8 @@ class StoredTrees:
 
 
 def write_texels(texture: moderngl.Texture, first: int, rows: Array) -> None:
-    """Overwrite texels ``rows`` (N, 4) of an image that is 2^ROW_BITS wide, from number ``first`` on."""
-    width, done = 1 << ROW_BITS, 0
+    """Overwrite texels ``rows`` (N, 4) of an image, counted row by row, from number ``first`` on."""
+    width, done = texture.width, 0
     while done < len(rows):
         y, x = divmod(first + done, width)
         whole = (len(rows) - done) // width if x == 0 else 0

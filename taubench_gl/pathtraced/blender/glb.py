@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.scene.gltf.blender import intensity_factor
-from taubench_gl.scene.gltf.container import add_accessor, add_facts, container_bytes, read_container
+from taubench_gl.scene.gltf.container import add_channels, add_facts, container_bytes, read_container
 
 _VISIBILITY, _POINTER = "KHR_node_visibility", "KHR_animation_pointer"
 _FLOAT = 5126
@@ -82,29 +82,22 @@ class Glb:
     def hide(self, visible: dict[str, list[bool]], fps: float) -> None:
         """Show and hide nodes by name: states at frames from time 0, ``fps`` of them in a second."""
         nodes = {node.get("name"): i for i, node in enumerate(self.root.get("nodes", ()))}
-        channels, samplers = [], []
+        tracks = []
         for name, states in visible.items():
             if name not in nodes:
                 continue
             changes = {k for k in range(1, len(states)) if states[k] != states[k - 1]}
             keys = sorted({0, *changes, len(states) - 1})  # the last keeps the duration
-            seconds = (np.array(keys, dtype=np.float64) / fps).astype(np.float32)
-            times = add_accessor(self.root, self.binary, seconds, bounds=True)
-            values = add_accessor(self.root, self.binary, np.array([states[k] for k in keys], np.uint8))
-            samplers.append({"input": times, "output": values, "interpolation": "STEP"})
             node = self.root["nodes"][nodes[name]]
             node.setdefault("extensions", {})[_VISIBILITY] = {"visible": bool(states[0])}
             path = f"/nodes/{nodes[name]}/extensions/{_VISIBILITY}/visible"
             target = {"path": "pointer", "extensions": {_POINTER: {"pointer": path}}}
-            channels.append({"sampler": len(samplers) - 1, "target": target})
-        if not channels:
+            tracks.append((target, np.array(keys) / fps, np.array([states[k] for k in keys], np.uint8), "STEP"))
+        if not tracks:
             return
-        animations = self.root.setdefault("animations", [])
-        if not animations:
-            animations.append({"name": "Scene", "channels": [], "samplers": []})
-        first = len(animations[0]["samplers"])
-        animations[0]["samplers"] += samplers
-        animations[0]["channels"] += [c | {"sampler": c["sampler"] + first} for c in channels]
+        if not self.root.get("animations"):
+            self.root["animations"] = [{"name": "Scene"}]
+        add_channels(self.root, self.binary, self.root["animations"][0], tracks)
         used = self.root.setdefault("extensionsUsed", [])
         used += [name for name in (_VISIBILITY, _POINTER) if name not in used]
 

@@ -29,7 +29,7 @@ from taubench_gl.option_groups import RenderOptions
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.cameras import camera_entry
 from taubench_gl.scene.files import read_file
-from taubench_gl.scene.gltf.container import GLB_MAGIC, add_accessor, read_container
+from taubench_gl.scene.gltf.container import GLB_MAGIC, add_channels, read_container
 from taubench_gl.scene.model import Channel, Scene
 
 FRAME_NAME = "frame_%04d.exr"
@@ -210,16 +210,12 @@ def _add_animation(root: dict[str, Any], channels: list[Channel], frames: range,
     data = bytearray()
     buffer = len(root.setdefault("buffers", []))
     times = np.arange(len(frames), dtype=np.float64) / KEY_FPS
-    clock = add_accessor(root, data, times.astype(np.float32), buffer=buffer, bounds=True)
-    animation: dict[str, Any] = {"name": "taubench", "channels": [], "samplers": []}
+    tracks = []
     for channel in channels:
-        values = np.stack([sample_channel(channel, frame / fps, fps) for frame in frames])
-        values = (values.ravel() if channel.path == "weights" else values).astype(np.float32)
-        output = add_accessor(root, data, values, buffer=buffer)
-        sampler = {"input": clock, "output": output, "interpolation": "LINEAR"}
+        values = np.stack([sample_channel(channel, frame / fps, fps) for frame in frames]).astype(np.float32)
         target = {"node": channel.index, "path": channel.path}
-        animation["channels"].append({"sampler": len(animation["samplers"]), "target": target})
-        animation["samplers"].append(sampler)
-    root["animations"] = [animation]
+        tracks.append((target, times, values.ravel() if channel.path == "weights" else values, "LINEAR"))
+    root["animations"] = [{"name": "taubench"}]
+    add_channels(root, data, root["animations"][0], tracks, buffer=buffer)
     root["buffers"].append({"uri": "keys.bin", "byteLength": len(data)})
     return bytes(data)

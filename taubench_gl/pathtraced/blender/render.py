@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, convert, field
+from msgspec.structs import asdict
 
 from taubench_gl import __version__
 from taubench_gl.animation import CameraTrack, View
@@ -36,29 +37,42 @@ _RECORDED = (
 )  # fmt: skip
 
 
-class _Settings(Struct):
-    samples: int | None = None
+class RecordedQuality(Struct):
+    """Cycles settings of a render, None: not recorded."""
+
+    samples: int | None = None  # per pixel
     bounces: int | None = None
     seed: int | None = None
     seed_per_frame: bool | None = None
     crisp: bool | None = None
-    fps: float | None = None
 
 
-class _Lighting(Struct):
+class RecordedLighting(Struct):
+    """Fields of Settings, resolved, that a render has; None: not recorded."""
+
     light_unit: str | None = None
     environment: str | list[float] | None = None
-    exposure: float | str | None = None
 
 
-class _Provenance(Struct):
-    job: str | None = None
-    blender: str | None = None
-    settings: _Settings | None = None
-    lighting: _Lighting | None = None
-    clock: str | None = None
+class RenderRecord(Struct):
+    """What ``evaluate`` reads of provenance.json, which ``render_reference`` writes.  None: not recorded."""
+
+    job: str | None = None  # ``identity`` of the frames
+    blender: str | None = None  # version
+    settings: RecordedQuality | None = None
+    lighting: RecordedLighting = field(default_factory=RecordedLighting)
+    clock: str = CLOCK  # how the times were measured
     cores: int | None = None
-    frame_seconds: dict[Annotated[str, Meta(pattern=r"^-?[0-9]{1,9}$")], float] | None = None
+    frame_seconds: dict[Annotated[str, Meta(pattern=r"^-?[0-9]{1,9}$")], float] = {}  # number of a frame -> render time
+
+    def summary(self, frames: Iterable[int]) -> dict[str, Any]:
+        """The block ``render`` of summary.json; ``seconds_per_frame`` is the mean over the timed ones of ``frames``."""
+        seconds = [self.frame_seconds[str(frame)] for frame in frames if str(frame) in self.frame_seconds]
+        return asdict(self.settings) | {
+            "blender": self.blender,
+            "seconds_per_frame": sum(seconds) / len(seconds) if seconds else None,
+            "clock": f"{self.clock}, {'?' if self.cores is None else self.cores} cores",
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,54 +232,15 @@ def _record_seconds(out: Path, frame: int, seconds: float) -> None:
     write_atomically(out / PROVENANCE_FILE, json.dumps(values, indent=2) + "\n")
 
 
-@dataclass(frozen=True, slots=True)
-class RenderRecord:
-    """What ``render_reference`` records about a folder of frames.  None: not recorded."""
-
-    samples: int | None  # per pixel
-    bounces: int | None
-    seed: int | None
-    seed_per_frame: bool | None
-    crisp: bool | None
-    fps: float | None
-    blender: str | None  # version
-    frame_seconds: Mapping[int, float]  # frame -> render time
-    clock: str  # how the times were measured
-    lighting: Mapping[str, Any]  # light_unit and environment, as fields of Settings; None: not recorded
-    exposure: float | None  # that ``evaluate`` gives the scene; the frames are linear radiance without it
-
-    def summary(self, frames: Iterable[int]) -> dict[str, Any]:
-        """The block ``render`` of summary.json; ``seconds_per_frame`` is the mean over the timed ones of ``frames``."""
-        seconds = [self.frame_seconds[frame] for frame in frames if frame in self.frame_seconds]
-        return {
-            **{name: getattr(self, name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp")},
-            "blender": self.blender,
-            "seconds_per_frame": sum(seconds) / len(seconds) if seconds else None,
-            "clock": self.clock,
-        }
-
-
 def read_render(folder: Path) -> RenderRecord | None:
     """The record in ``folder``; None if another program wrote the frames."""
-    values = _read_json(folder / PROVENANCE_FILE)
-    settings = values.get("settings")
-    if not isinstance(settings, dict) or "job" not in values:
-        return None
-    lighting = values.get("lighting") or {}
-    seconds = {int(frame): float(s) for frame, s in (values.get("frame_seconds") or {}).items()}
-    return RenderRecord(
-        **{name: settings.get(name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp", "fps")},
-        blender=values.get("blender"),
-        frame_seconds=seconds,
-        clock=f"{values.get('clock', CLOCK)}, {values.get('cores', '?')} cores",
-        lighting={name: lighting.get(name) for name in ("light_unit", "environment")},
-        exposure=lighting.get("exposure"),
-    )
+    record = convert(_read_json(folder / PROVENANCE_FILE), RenderRecord)
+    return None if record.job is None or record.settings is None else record
 
 
 def _read_json(path: Path) -> dict[str, Any]:
     """The values of provenance.json; empty if it is missing or damaged."""
     try:
-        return read_json(path, _Provenance)
+        return read_json(path, RenderRecord)
     except OutputError:
         return {}

@@ -17,7 +17,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.aff import splines
-from taubench_gl.scene.aff.parser import AffFile, Fill, Motion, Parser
+from taubench_gl.scene.aff.parser import Fill, Motion, Parser
 from taubench_gl.scene.build import Phong, only_animation
 from taubench_gl.scene.files import ImagePool, shortened
 from taubench_gl.scene.model import Camera, Channel, Light, Material, Mesh, Scene
@@ -35,13 +35,13 @@ def read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int]
     """``load_scene`` for .aff and .nff.  Raises SceneError with file and line."""
     if scene is not None:
         raise SceneError("AFF files contain one scene", where=path.name, hint="omit the scene's name")
-    return _Assembly(Parser(path, Notes(strict)).parse(), path, animation).scene()
+    return _Assembly(Parser(path, Notes(strict)), path, animation).scene()
 
 
 class _Assembly:
     """Converts the content of a file to a Scene."""
 
-    def __init__(self, file: AffFile, path: Path, animation: Sequence[str | int] | None):
+    def __init__(self, file: Parser, path: Path, animation: Sequence[str | int] | None):
         self.file, self.path = file, path
         self.meshes: list[Mesh] = []
         self.cameras: list[Camera] = []

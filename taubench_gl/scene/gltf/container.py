@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,23 @@ def add_accessor(root: Json, data: bytearray, values: Array, *, buffer: int = 0,
         accessor |= {"min": columns.min(axis=0).tolist(), "max": columns.max(axis=0).tolist()}
     accessors.append(accessor)
     return len(accessors) - 1
+
+
+def add_channels(root: Json, data: bytearray, animation: Json, tracks: Iterable[tuple], *, buffer: int = 0) -> None:
+    """Add ``tracks`` (target, times, values, interpolation) to ``animation``; equal times are stored once.
+
+    ``target``: of a channel, in JSON; ``times``: (K,) seconds; ``values``, ``data``: as in ``add_accessor``.
+    """
+    channels, samplers = animation.setdefault("channels", []), animation.setdefault("samplers", [])
+    clocks: dict[bytes, int] = {}
+    for target, times, values, interpolation in tracks:
+        seconds = np.asarray(times, dtype=np.float32)
+        clock = seconds.tobytes()
+        if clock not in clocks:
+            clocks[clock] = add_accessor(root, data, seconds, buffer=buffer, bounds=True)
+        output = add_accessor(root, data, values, buffer=buffer)
+        channels.append({"sampler": len(samplers), "target": target})
+        samplers.append({"input": clocks[clock], "output": output, "interpolation": interpolation})
 
 
 def add_facts(root: Json, facts: Json) -> None:

@@ -8,7 +8,6 @@ simulated.
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,7 @@ import numpy as np
 
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.build import Phong
-from taubench_gl.scene.files import ImagePool, find_referenced, read_any_text
+from taubench_gl.scene.files import LARGEST, ImagePool, find_referenced, number_of, read_any_text
 from taubench_gl.scene.model import Material, Texture
 from taubench_gl.scene.notes import Notes
 
@@ -34,7 +33,6 @@ NEUTRAL = {"ni": {"1", "1.45", "1.5"}, "tf": {"1"}, "aniso": {"0"}, "anisor": {"
            "ps": {"0"}}  # fmt: skip
 """Statements that are not simulated -> numbers with which they change nothing here."""
 CLAMP = 33071  # GL_CLAMP_TO_EDGE
-LARGEST = 1e30
 
 
 class Library:
@@ -113,7 +111,7 @@ class Library:
             values[kind] = (words, where)
         elif kind.lower() not in MEANINGLESS:
             neutral = NEUTRAL.get(kind.lower(), ())
-            if not (neutral and all(f"{_number(w):g}" in neutral for w in words[1:])):
+            if not (neutral and all(f"{number_of(w):g}" in neutral for w in words[1:])):
                 detail = "map_d, the opacity is d" if kind == "map_d" else kind[:40]
                 self.notes.remark("mtl-unsupported", where, detail=detail)
 
@@ -186,17 +184,9 @@ def _options(words: list[str]) -> tuple[dict[str, list[str]], list[str]]:
     return options, words[i:]
 
 
-def _number(word: str) -> float:
-    """A number; NaN for a word that is none."""
-    try:
-        return float(word)
-    except ValueError:
-        return math.nan
-
-
 def _pair(arguments: list[str], default: float) -> tuple[float, float]:
     """The first two of ``arguments``, ``default`` for what is missing or no finite number."""
-    numbers = [x if abs(x := _number(word)) < LARGEST else default for word in arguments[:2]]
+    numbers = [x if abs(x := number_of(word)) < LARGEST else default for word in arguments[:2]]
     first, second = [*numbers, default, default][:2]
     return first, second
 
@@ -204,10 +194,7 @@ def _pair(arguments: list[str], default: float) -> tuple[float, float]:
 def _numbers(words: list[str], counts: tuple[int, ...], where: str) -> list[float]:
     if len(words) not in counts:
         raise SceneError(f"{len(words)} numbers, expected {' or '.join(map(str, counts))}", where=where)
-    try:
-        out = [float(w) for w in words]
-    except ValueError:
-        raise SceneError(f"{' '.join(words)[:40]!r} instead of numbers", where=where) from None
+    out = [number_of(w) for w in words]
     if not all(abs(x) < LARGEST for x in out):
-        raise SceneError("contains a number that is not finite or too large", where=where)
+        raise SceneError(f"{' '.join(words)[:40]!r} instead of numbers below {LARGEST:g}", where=where)
     return out

@@ -13,15 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.files import read_any_text
+from taubench_gl.scene.files import LARGEST, number_of, read_any_text
 from taubench_gl.scene.notes import Notes
 from taubench_gl.scene.polygons import cut_polygons
 from taubench_gl.srgb import srgb_decode
 
 Array = np.ndarray
 
-LARGEST = 1e30
-"""Limit on the magnitude of coordinates: they fit a float32, their squares a float64."""
 SPACE, SLASH, NEWLINE = 32, 47, 10
 MISSING = -1
 """Index of a corner without texture coordinate or normal."""
@@ -158,10 +156,10 @@ class _Lines:
             try:
                 values = np.array(list(map(float, self._joined(lines).split())))
             except ValueError:
-                fault = self._not_a_number(lines, float)
+                fault = self._not_anumber_of(lines, float)
                 if kind == b"v" or self.notes.strict:
                     raise fault from None
-                values = np.array([_number(word) for word in self._joined(lines).split()])
+                values = np.array([number_of(word) for word in self._joined(lines).split()])
             values = values.reshape(-1, count)[:, :width]
             ok = np.abs(values) < LARGEST
             if not np.all(ok):
@@ -187,7 +185,7 @@ class _Lines:
             return blanked.tobytes()
         return b"\n".join([text[i:j] for i, j in zip(begin.tolist(), end.tolist())])
 
-    def _not_a_number(self, rows: Array, convert: type) -> SceneError:
+    def _not_anumber_of(self, rows: Array, convert: type) -> SceneError:
         for row in rows.tolist():
             for word in self.rest(row).replace("/", " ").split():
                 try:
@@ -283,7 +281,7 @@ class _Lines:
         try:
             values = np.array(list(map(int, text.split())), dtype=np.int64)
         except (ValueError, OverflowError):
-            raise self._not_a_number(rows, int) from None
+            raise self._not_anumber_of(rows, int) from None
         if np.any(count > 2) or len(values) != int((count + 1).sum()):
             raise self._bad_corner(rows)
         out = np.zeros((len(word), 3), dtype=np.int64)
@@ -351,14 +349,6 @@ class _Lines:
         numbers: dict[str, int] = {"": 0}
         values = np.array([0, *(numbers.setdefault(self.rest(r), len(numbers)) for r in at.tolist())], dtype=np.int64)
         return values[np.searchsorted(at, rows)], list(numbers)
-
-
-def _number(word: bytes) -> float:
-    """A number, NaN for a word that is none, such as the ``nan(ind)`` of some C libraries."""
-    try:
-        return float(word)
-    except ValueError:
-        return np.nan
 
 
 def _counting(sizes: Array) -> Array:
