@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import click
 
 from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, option_group
-from taubench_gl.apps.progress import ProgressBar
 from taubench_gl.apps.screen import TABLE_FORMATS, show_json, show_notes, show_tables
 from taubench_gl.fields import REQUIRED, one_of, setting
 from taubench_gl.option_groups import RenderOptions
 from taubench_gl.settings import FIXED_LIGHTING, OUTPUT, Settings
 
 if TYPE_CHECKING:
+    from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.pathtraced.blender.render import RenderProgress
 
 
@@ -48,6 +48,7 @@ def render(
     Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
     interpreter that has it.  An interrupted render continues with the first missing frame.
     """
+    from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.effects.lighting import environment_of
     from taubench_gl.evaluation import environment_image, plan_scene
     from taubench_gl.pathtraced.blender.job import Quality

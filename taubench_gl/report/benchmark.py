@@ -107,7 +107,7 @@ def _contents(summary: Summary, track: str) -> str:
 
 
 def _levels(summary: Summary, track: str) -> Table:
-    """FLIP by difficulty level."""
+    """The table of a track with the mean FLIP of each difficulty level, a row for each method that ran."""
     states = _finished_methods(summary, track)
     names = [n for n in summary["levels"] if any(n in state["levels"] for state in states.values())]
     columns = tuple(Column(n, "", 4, f"at most {summary['levels'][n]:g} % of the pixels discarded") for n in names)
@@ -122,7 +122,7 @@ def _levels(summary: Summary, track: str) -> Table:
 
 
 def _classes(summary: Summary, track: str) -> Table:
-    """FLIP by pixel class."""
+    """The table of a track with the mean FLIP of each class of pixels, a row for each method that ran."""
     states = _finished_methods(summary, track)
     names = [n for n in summary["classes"] if any(s["classes"][n] is not None for s in states.values())]
     columns = tuple(Column(class_label(n), "", 4, summary["classes"][n]) for n in names)

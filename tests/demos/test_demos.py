@@ -36,9 +36,9 @@ WHITE = np.array([0.95047, 1.0, 1.08883])  # D65
 def test_numbers_agree_with_theory(demo, runs, gpu):
     """The theoretical range holds the number, and could fail: not 0, 100 % and twice the number too."""
     for finding in runs.of(demo, gpu).findings:
-        assert finding.as_expected, f"{finding.text} {finding.meaning}: expected {finding.expected.text}"
-        assert finding.expected.source and finding.meaning
-        assert not all(map(finding.expected.met_by, (0.0, 100.0, 2.0 * finding.number + 1.0))), finding.meaning
+        assert finding.as_expected, f"{finding.text} {finding.about.meaning}: expected {finding.expected.text}"
+        assert finding.about.source and finding.about.meaning
+        assert not all(map(finding.expected.met_by, (0.0, 100.0, 2.0 * finding.number + 1.0))), finding.about.meaning
 
 
 def test_parameters_agree_with_theory_at_every_value(demo, runs, gpu):
