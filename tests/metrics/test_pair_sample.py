@@ -6,12 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from fixed import fixed_settings
 from repeated import few
 from scipy import stats
 
-from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.pair_sample import PairSample, estimate, sample_pairs
 
 RESAMPLINGS = 200
@@ -98,19 +95,3 @@ def test_narrow_intervals_fail_the_coverage_test():
         found = estimate(sample, values[list(sample.positions)])
         hits += abs(found.mean - values.mean()) <= 0.5 * found.half_width
     assert hits / RESAMPLINGS < 0.9
-
-
-@pytest.fixture(scope="module")
-def full_run(data):
-    """All pairs of a real animation: CesiumMan, two seconds at 60 fps."""
-    path = data / "khronos" / "CesiumMan" / "CesiumMan.glb"
-    columns = ("frustum", "position", "normal")
-    return evaluate_scene(path, fixed_settings(width=64, height=36, fps=60.0, columns=columns))
-
-
-@pytest.mark.parametrize("column", ["position", "normal"])
-@pytest.mark.parametrize(("scheme", "numbers"), SCHEMES)
-def test_coverage_for_a_full_run(full_run, column, scheme, numbers):
-    values = np.array([percent(row, column) for row in full_run.frames])
-    assert len(values) > 100 and values.std() > 0
-    assert coverage(values, scheme, numbers) >= 0.9
