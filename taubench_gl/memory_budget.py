@@ -20,7 +20,7 @@ VARIABLE = "TAUBENCH_MAX_MEMORY"
 """Environment variable with the limit of each process, such as ``4GiB``; the option --max-memory sets it."""
 
 LARGE_BLOCK = 4 << 20
-"""Bytes from which a freed block goes back to the system at once (``return_large_blocks``)."""
+"""Bytes from which a freed block goes back to the system at once (``return_freed``)."""
 
 _TEXT = re.compile(r"([0-9]{1,15}(?:\.[0-9]{1,6})?)\s*(?:([KMGT])(i?)B?|B)?", re.IGNORECASE)
 _LEAST = 1 << 20
@@ -87,14 +87,15 @@ def shown_bytes(count: int) -> str:
     return f"{count / 1024**unit:.4g} {('bytes', 'KiB', 'MiB', 'GiB')[unit]}"
 
 
-@cache
-def return_large_blocks() -> None:
-    """Make the C library return freed blocks of at least LARGE_BLOCK to the system, for the rest of the process.
+def return_freed() -> None:
+    """Make the C library return what is freed to the system, and from now on blocks of at least LARGE_BLOCK at once.
 
     glibc otherwise keeps blocks of up to 32 MiB for later ones of the thread: 70 MB of each that decodes images.
     """
     with contextlib.suppress(AttributeError, OSError):  # a C library without it
-        ctypes.CDLL(None).mallopt(-3, LARGE_BLOCK)  # M_MMAP_THRESHOLD
+        library = ctypes.CDLL(None)
+        library.mallopt(-3, LARGE_BLOCK)  # M_MMAP_THRESHOLD
+        library.malloc_trim(0)
 
 
 @cache

@@ -20,7 +20,7 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.feeds import OpenRequest
-from taubench_gl.viewer.layout import bench_size
+from taubench_gl.viewer.layout import BAR, SIDE
 
 BASE = "TAUBENCH_BASE"
 """Environment variable: folder of an older checkout to compare with, whose code runs with the same packages."""
@@ -83,7 +83,7 @@ def viewer(gpu: Gpu, options: Options) -> Result:
         from taubench_gl.viewer.app import Viewer
     except ImportError as error:
         return Result(title, [missing("frames of the viewer", f"{error.name} is not installed")], [])
-    rows, window = [], bench_size(options.size)
+    rows, window = [], (options.size[0] + SIDE, options.size[1] + BAR)
     texture = gpu.ctx.texture(window, 4)
     framebuffer = gpu.ctx.framebuffer([texture])
     for name, lit in {"masks of geometry": False, "with light": True}.items():

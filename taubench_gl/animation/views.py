@@ -112,11 +112,9 @@ class OrbitCamera:
 
     name = "framing orbit"
 
-    def __init__(
-        self, scene: Scene, poser: Poser | None = None, size: tuple[int, int] = (16, 9), reason: str = NO_CAMERA
-    ):
+    def __init__(self, scene: Scene, size: tuple[int, int] = (16, 9), reason: str = NO_CAMERA):
         self.reason = reason
-        still, subject = is_still(scene), _Subject(poser or Poser(scene))
+        still, subject = is_still(scene), _Subject(Poser(scene))
         self.duration = max(scene.duration, STILL_SECONDS) if still else scene.duration
         self.times = np.linspace(0.0, self.duration, int(np.clip(12.0 * self.duration, 24, 96)) + 1)
         clouds = [subject.at(0.0)] * len(self.times) if still else [subject.at(t) for t in self.times]

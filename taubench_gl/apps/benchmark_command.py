@@ -54,11 +54,13 @@ def run(
     """Run METHODs on a suite and write scorecards to DIR; without METHOD, all built-in ones.
 
     METHOD is a built-in name, a folder, file.py, module:Class or exr:DIR, with settings as NAME@alpha=0.1.  'none' is
-    always included.  A method that fails is ranked last with its reason; the exit code is then 2.
+    always included, and 'present-last' beside methods that generate frames, which have a track of their own.  A method
+    that fails is ranked last with its reason; the exit code is then 2.
 
     Examples:
       taubench-gl benchmark run --out results
       taubench-gl benchmark run taa_clamp@alpha=0.05 my_method.py --suite quick --out results
+      taubench-gl benchmark run extrapolate interpolate --cases '*/full' --out results
       taubench-gl benchmark run --suite full --workers 16 --out results
 
     The same command continues an interrupted benchmark; what is stored in DIR does not run again.

@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 
 from taubench_gl.apps.options import AS_JSON, Commands, command, option_group
-from taubench_gl.apps.progress import ProgressBar
 from taubench_gl.apps.screen import show_json, show_list, show_tables
 from taubench_gl.apps.stages import STAGES
 from taubench_gl.fields import setting
@@ -65,6 +64,7 @@ def score(
       taubench-gl conformance score exr:frames --mapping engine.toml --out scored
       taubench-gl conformance score npz:frames --mapping engine.toml --only morph --json
     """
+    from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.conformance.cases import select
     from taubench_gl.conformance.frames import EngineFrames
     from taubench_gl.conformance.output import save_scores, score_summary, score_tables

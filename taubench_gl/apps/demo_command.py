@@ -157,7 +157,7 @@ def write_session(lesson: Demo, scene: Path, size: Size, findings: Sequence[Find
         "The page of this demo shows:",
         *look_for,
         *(["Numbers of its figure, with theory:"] if findings else []),
-        *(f"- {f.text} {f.meaning}: expected {f.expected_text}, {f.expected.source}" for f in findings),
+        *(f"- {f.text} {f.about.meaning}: expected {f.expected_text}, {f.about.source}" for f in findings),
         "Press Y twice: the previous frame in turn with this one.",
     ]
     path = scene.with_name(f"{lesson.stem}{SUFFIX}")
@@ -190,4 +190,4 @@ def _show(shown: Shown) -> None:
         click.echo(textwrap.fill(item, 110, initial_indent="  - ", subsequent_indent="    "))
     for f in result.findings:
         click.secho(f"  {'PASS' if f.as_expected else 'FAIL'} ", fg="green" if f.as_expected else "red", nl=False)
-        click.echo(f"{f.text} {f.meaning}; expected {f.expected_text} ({f.expected.source})")
+        click.echo(f"{f.text} {f.about.meaning}; expected {f.expected_text} ({f.about.source})")

@@ -130,7 +130,7 @@ class Option(click.Option):
 
 
 def given_options(names: Iterable[str] | None = None, context: click.Context | None = None) -> frozenset[str]:
-    """Those of ``names``, parameters of the running command (None: all), that the user gave, not the default."""
+    """The parameters of the running command among ``names`` (None: all) whose value the user gave; no defaults."""
     context = context or click.get_current_context()
     default = (click.core.ParameterSource.DEFAULT, click.core.ParameterSource.DEFAULT_MAP, None)
     names = context.params if names is None else names

@@ -70,7 +70,7 @@ class Bars:
             self._progress.remove_task(self._tasks.pop(name))
 
     def say(self, line: str) -> None:
-        """Print a line."""
+        """Print a line above the bars, or to standard error where no bar is shown."""
         if self._progress is not None:
             self._progress.console.print(line, markup=False, highlight=False)
         else:

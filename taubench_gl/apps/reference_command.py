@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import click
 
 from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, option_group
-from taubench_gl.apps.progress import ProgressBar
 from taubench_gl.apps.screen import TABLE_FORMATS, show_json, show_notes, show_tables
-from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, one_of, setting
 from taubench_gl.option_groups import RenderOptions
 from taubench_gl.settings import FIXED_LIGHTING, OUTPUT, Settings
 
 if TYPE_CHECKING:
+    from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.pathtraced.blender.render import RenderProgress
 
 
@@ -49,6 +48,7 @@ def render(
     Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
     interpreter that has it.  An interrupted render continues with the first missing frame.
     """
+    from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.effects.lighting import environment_of
     from taubench_gl.evaluation import environment_image, plan_scene
     from taubench_gl.pathtraced.blender.job import Quality
@@ -138,6 +138,8 @@ def compare(
 def list_references(*, as_json: bool = AS_JSON) -> None:
     """List the stored path-traced references: scene, size, frames, fewest samples of a frame, bytes.
 
+    Each is a folder of its own, which can be deleted.
+
     Examples:
       taubench-gl reference list
       taubench-gl reference list --json
@@ -159,33 +161,5 @@ def list_references(*, as_json: bool = AS_JSON) -> None:
     click.echo(f"{len(stored)} references, {total / 2**20:.1f} MiB in {references_folder()}")
 
 
-@command()
-@click.argument("keys", nargs=-1, metavar="[KEY...]")
-def clear(
-    keys: tuple[str, ...],
-    *,
-    old: bool = setting(False, "Those that another version of the path tracer made"),
-    everything: bool = setting(False, "All", flag="--all"),
-) -> None:
-    """Delete stored path-traced references by their KEY in 'reference list'.
-
-    Examples:
-      taubench-gl reference clear --old
-      taubench-gl reference clear 3fa2b40c1de85f77
-      taubench-gl reference clear --all
-    """
-    from taubench_gl.pathtraced.references import clear as delete
-    from taubench_gl.pathtraced.references import listed
-
-    stored = {entry.key: entry for entry in listed()}
-    if unknown := [key for key in keys if key not in stored]:
-        raise SettingsError(f"no reference has the key {unknown[0]}", hint="see 'taubench-gl reference list'")
-    if not (keys or old or everything):
-        raise click.UsageError("give keys, --old or --all")
-    deleted = [key for key, entry in stored.items() if everything or key in keys or (old and not entry.current)]
-    delete(deleted)
-    click.echo(f"{len(deleted)} references deleted")
-
-
-for member in (render, compare, list_references, clear):
+for member in (render, compare, list_references):
     reference.add_command(member)

@@ -86,6 +86,7 @@ def show(name: str, *, as_json: bool = AS_JSON) -> None:
         f"Method {method.name}: {method.title}",
         {
             "reference": "; ".join(facts["cite"]) or None,
+            "generates": _generates(facts["generates"]),
             "reads": ", ".join(facts["reads"]),
             "history": ", ".join(f"{n} ({f})" for n, f in facts["history"].items()) or "none declared",
             "buffers": ", ".join(f"{n} ({f})" for n, f in facts["buffers"].items()) or "none",
@@ -100,6 +101,10 @@ def show(name: str, *, as_json: bool = AS_JSON) -> None:
     for title, lines in (("Stages of the paper", stages), ("Settings", settings), ("Passes", passes)):
         if lines:
             show_pairs(title, lines)
+
+
+def _generates(kind: str | None) -> str:
+    return "no frames" if kind is None else f"{kind}: N - 1 frames per rendered one (reuse evaluate --render-every N)"
 
 
 def _stage(stage: dict[str, Any]) -> str:
@@ -118,6 +123,7 @@ def describe(method: Method) -> dict[str, Any]:
         "name": method.name,
         "title": method.title,
         "cite": list(method.cite),
+        "generates": method.generates,
         "reads": list(method.reads),
         "history": {n: f.name for n, f in method.history.items()},
         "buffers": {n: f.name for n, f in method.buffers.items()},
@@ -198,7 +204,8 @@ def check(
     click.echo(f"{method.name}: {method.title}: valid, {kind}, {method.bytes(FULL_HD) / 1e6:.1f} MB at 1920x1080")
     click.echo(f"ran {report.frames} frames of {report.size[0]}x{report.size[1]}; every pixel finite")
     plain = report.error_without_reuse
-    beside = "" if plain is None else f" (no reuse {plain:.4f})"
+    other = "last rendered frame" if method.generates else "no reuse"
+    beside = "" if plain is None else f" ({other} {plain:.4f})"
     click.echo(f"error against the noise-free frames {report.error:.4f}{beside}")
     click.echo(f"weight of history, mean over pixels: {reused}")
 

@@ -11,7 +11,7 @@ import click
 
 from taubench_gl.apps.options import GPU, command, given_options, option_group
 from taubench_gl.errors import SettingsError
-from taubench_gl.fields import at_least, setting
+from taubench_gl.fields import setting
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.settings import SIZE, Settings, parse_size
 
@@ -56,7 +56,6 @@ def view(
     screenshots: Path = setting(
         Path("."), "Folder of screenshots and clips", metavar="DIR", shown="the current one", short=False
     ),
-    bench: int | None = setting(None, "Play N frames, print frames per second, quit", at_least(1), short=False),
 ) -> None:
     """Show a scene, path-traced files or a finished run interactively: masks, thresholds, values of each pixel.
 
@@ -86,9 +85,9 @@ def view(
     from taubench_gl.viewer.window import Session, run_session
 
     # A script starts from the same state on every machine and stores no preferences.
-    folder = None if script is not None or bench is not None else Path(click.get_app_dir("taubench-gl"))
+    folder = None if script is not None else Path(click.get_app_dir("taubench-gl"))
     places = {"window": window, "screenshots": screenshots, "folder": folder}
-    run_session(Session(request=request, light=lit, script=script, bench=bench, report=click.echo, **places))
+    run_session(Session(request=request, light=lit, script=script, report=click.echo, **places))
 
 
 def _open_request(

@@ -54,7 +54,7 @@ MIN_CHUNK_PAIRS = 4
 
 
 class _Job(msgspec.Struct):
-    """A job in study.json."""
+    """What study.json stores of a job: a scene with settings, of which ``sweep`` are the swept ones."""
 
     id: Annotated[str, msgspec.Meta(pattern=r"^[^/\0]+$", max_length=255)]
     scene: str

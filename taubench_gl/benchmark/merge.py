@@ -26,7 +26,7 @@ from taubench_gl.benchmark.scores import (
     to_scale,
 )
 from taubench_gl.benchmark.suite import Case, Suite
-from taubench_gl.benchmark.unit import FAILED, INAPPLICABLE, Entry, loaded
+from taubench_gl.benchmark.unit import FAILED, INAPPLICABLE, OF_KIND, Entry, loaded
 from taubench_gl.provenance import combined
 from taubench_gl.reuse.comparison import FEW_SEEDS, MIN_SEEDS, tied
 from taubench_gl.reuse.quality import MEASURES
@@ -39,6 +39,10 @@ LEVELS = {"easy": 10.0, "medium": 30.0, "hard": 100.0}
 
 VALID = ("rest", "sky")
 """Classes of pixels whose history is valid."""
+
+BOUND = (("bound", "headroom_db"), ("bound", "clipped_headroom_db"))
+GENERATED = tuple(("generated", name) for name in ("gain_db", "latency_frames", "latency_ms"))
+"""Block and name of the values of a method in a case whose means its scorecard has."""
 
 Result = Mapping[str, Any]
 
@@ -53,9 +57,10 @@ def merge(
     methods = {e.label: _scorecard(e, suite, of_case, tracks, measures) for e in entries}
     headlines = [name for name in HEADLINES if name in measures]
     rankings = {
-        track: {name: ranked(name, _values(name, cases, of_case, methods), methods, track) for name in headlines}
+        track: {name: ranked(name, _values(name, cases, of_case, methods), methods, track)
+                for name in headlines if name != "flicker" or not cases[0].generated}
         for track, cases in tracks.items()
-    }
+    }  # fmt: skip
     provenances = [result["provenance"] for result in of_case.values() if "provenance" in result]
     return {
         "schema": SCHEMA,
@@ -88,7 +93,7 @@ def _case(case: Case, sha256: str, result: Result) -> dict[str, Any]:
         "sha256": case.identity(sha256), "track": case.track, "series": case.series, "value": case.value,
         "scene": case.id.partition("/")[0], "scene_sha256": sha256, "size": list(case.size),
         "frames": [case.first, case.first + case.frames - 1], "fps": case.settings.sequence.fps,
-        "input": case.request.input,
+        "input": case.request.input, "render_every": case.request.render_every if case.generated else None,
         "seeds": case.request.seeds, "cuts": list(case.request.cuts), "reference": result.get("reference"),
         "exposure": result.get("exposure"), "classes_percent": _shares(result), "discarded_percent": discarded,
         "level": _level(discarded),
@@ -147,10 +152,10 @@ def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
     reasons = {name: why for name, why in method["reasons"].items() if name not in MEASURES or name in measures}
     if seeds is None:
         reasons["over_seeds"] = FEW_SEEDS
-    samples = {"samples": method["samples"]} if "samples" in method else {}  # of a method that samples lights
+    of_kind = {name: method[name] for name in OF_KIND if name in method}
     return {"state": "done", "reason": None, "mean": mean, "over_seeds": seeds, "bound": method["bound"],
             "tail_percent": method["tail_percent"], "emitters": method["emitters"], "classes": classes,
-            "reuse": method["reuse"], "response": method["response"], "reasons": reasons, **samples}  # fmt: skip
+            "reuse": method["reuse"], "response": method["response"], "reasons": reasons, **of_kind}  # fmt: skip
 
 
 def _track(
@@ -162,19 +167,20 @@ def _track(
         if bad := next((case for case in cases if results[case.id]["state"] == state), None):
             return {"state": state, "reason": results[bad.id]["reason"], "case": bad.id}
     levels = {level: [c for c in cases if _level(_discarded(of_case[c.id])) == level] for level in LEVELS}
+    blocks = GENERATED if cases[0].generated else BOUND
     return {
         "state": "done",
         "reason": None,
         "mean": _means(cases, results, measures),
         "levels": {level: _means(some, results, measures) for level, some in levels.items() if some},
         "classes": _classes(cases, results),
-        **{name: _headroom(cases, results, name) for name in ("headroom_db", "clipped_headroom_db")},
+        **{name: _mean_of(block, name, cases, results) for block, name in blocks},
     }
 
 
-def _headroom(cases: Sequence[Case], results: Mapping[str, Result], name: str) -> float | None:
-    """Mean over the cases of an entry of the block ``bound``; None where a case has no bound."""
-    values = [results[case.id]["bound"] and results[case.id]["bound"][name] for case in cases]
+def _mean_of(block: str, name: str, cases: Sequence[Case], results: Mapping[str, Result]) -> float | None:
+    """Mean over the cases of an entry of a block; None where a case does not have it."""
+    values = [results[case.id][block] and results[case.id][block][name] for case in cases]
     return None if None in values else float(np.mean(values))
 
 

@@ -17,12 +17,13 @@ from taubench_gl.benchmark.output import write_results
 from taubench_gl.benchmark.scenes import SceneRecipe, not_run, scene_file
 from taubench_gl.benchmark.scores import BASELINE
 from taubench_gl.benchmark.suite import Suite
-from taubench_gl.benchmark.unit import FAILED, OTHER_SCENE, BenchmarkUnit, Entry, record_key
+from taubench_gl.benchmark.unit import FAILED, OTHER_SCENE, BenchmarkUnit, Entry, loaded, record_key
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.fit import expand_methods
-from taubench_gl.reuse.loading import builtin_methods, frame_methods, load_method, method_text
+from taubench_gl.reuse.generated import LAST_RENDERED
+from taubench_gl.reuse.loading import builtin_methods, method_text
 from taubench_gl.study.driver import run_study
 from taubench_gl.study.engines import available_cores
 from taubench_gl.study.progress import Listener
@@ -39,15 +40,18 @@ FILTERED = "restir-di>svgf"
 
 
 def entries_of(methods: Sequence[str]) -> tuple[Entry, ...]:
-    """The named methods and ``none``; without a name all built-in methods.  Raises SettingsError."""
-    entries = [Entry.of(method) for text in methods or frame_methods() for method in _expanded(text)]
+    """The named methods and ``none``, beside methods that generate frames ``present-last``; without a name all built-in
+    methods.  Raises SettingsError."""
+    names = methods or (*builtin_methods(), FILTERED)
+    entries = [Entry.of(method) for text in names for method in _expanded(text)]
     if not methods:
-        sampling = [Entry.of(name) for name in builtin_methods() if load_method(name).own_light]
-        entries += [replace(entry, track=SAMPLES) for entry in (*sampling, Entry.of(FILTERED))]
+        entries = [replace(entry, track=SAMPLES) if loaded(entry).own_light else entry for entry in entries]
     labels = [entry.label for entry in entries]
     if twice := next((label for label in labels if labels.count(label) > 1), None):
         raise SettingsError(f"method {twice!r} is given twice", hint="use other settings, NAME@setting=value")
-    return tuple(entries if BASELINE in labels else [Entry.of(BASELINE), *entries])
+    generates = any(method.generates for method in map(loaded, entries) if method)
+    baselines = (BASELINE, LAST_RENDERED) if generates else (BASELINE,)
+    return (*(Entry.of(name) for name in baselines if name not in labels), *entries)
 
 
 def _expanded(text: str) -> list[str]:

@@ -160,7 +160,7 @@ def speed_curves(
     """Series -> measure -> method -> ``steps`` and the ``crossing``; methods that have a value at every step."""
     series: dict[tuple[str, str, str], list[Case]] = {}
     for case in suite.cases:
-        if case.series not in (None, CUT):
+        if case.series not in (None, CUT) and not case.generated:
             series.setdefault((case.id.partition("/")[0], case.series, case.id.rpartition("/")[2]), []).append(case)
     out: dict[str, Any] = {}
     for (_, axis, kind), cases in series.items():

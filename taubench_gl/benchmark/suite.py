@@ -28,6 +28,7 @@ from taubench_gl.fields import declared, from_values, unknown_field
 from taubench_gl.option_groups import REUSE_SETTINGS, ReuseOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import EvaluationRequest
+from taubench_gl.reuse.generated import generated_frames
 from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.reuse.references import FITTED
 from taubench_gl.settings import AUTO, Settings
@@ -88,7 +89,8 @@ class Case:
     """One evaluation of the suite.
 
     ``series`` and ``value``: the axis and step of a series, None for a single case; ``first``: number of the first
-    frame; ``settings``: of the frames; ``request``: what methods are evaluated on.
+    frame; ``settings``: of the frames; ``request``: what methods are evaluated on; ``generated``: for
+    methods that generate frames; one of ``request.render_every`` is rendered.
     """
 
     id: str
@@ -100,6 +102,13 @@ class Case:
     frames: int
     settings: Settings
     request: EvaluationRequest
+    generated: bool = False
+
+    @property
+    def evaluated_frames(self) -> int:
+        """Number of frames of a seed that have scores.  Raises SettingsError for too few to generate some."""
+        shown = range(self.first, self.first + self.frames)
+        return len(generated_frames(shown, self.request.render_every) if self.generated else shown)
 
     @property
     def kind(self) -> InputKind:
@@ -117,7 +126,7 @@ class Case:
         # Stored results are found by this hash: it must not change where what is evaluated does not.
         default = _values(Settings(), EvaluationRequest())
         for name, value in _values(self.settings, self.request).items():
-            if name in _HASHED or value != default[name]:
+            if name in _HASHED or value != default[name] or (name == "render_every" and self.generated):
                 values[name] = None if value == AUTO else value
         if path := self.settings.sequence.camera_path:
             values["camera_path"] = hashed(path, SettingsError).hexdigest()
@@ -232,12 +241,13 @@ def _case(table: _Table, evaluated: Mapping[str, Any], folder: Path, axis: str |
         frames=table.frames,
         settings=settings,
         request=request,
+        generated="render_every" in options,
     )
     if case.kind.files is not None or is_sequence(request.reference):
         raise SettingsError(f"{case.id}: files are no part of a suite", hint="give a rendered input and reference")
     if request.reference == FITTED:
         raise SettingsError(f"{case.id}: the reference depends on the machine", hint="give path-traced@M")
-    if case.frames <= request.warmup:
+    if case.evaluated_frames <= request.warmup:
         raise SettingsError(f"{case.id}: warmup is {request.warmup}, frames {case.frames}", hint="give more frames")
     request.check(settings.lighting.seed)
     case.kind.input_size(case.size)

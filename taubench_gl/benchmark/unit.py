@@ -39,6 +39,9 @@ reference so far.  A blend of input and history is at most 1."""
 OTHER_SCENE = "is not the scene of this benchmark"
 FAILED, INAPPLICABLE = "failed", "not applicable"
 
+OF_KIND = ("samples", "generated")
+"""Blocks that methods of a kind have: those that sample lights, and those that generate frames."""
+
 
 @dataclass(frozen=True, slots=True)
 class Entry:
@@ -104,7 +107,7 @@ class BenchmarkUnit(Unit):
             key=record_key(identity, methods),
             name=f"{len(entries)} methods" if len(entries) > 1 else entries[0].label,
             scene=case.scene.source,
-            weight=case.frames * case.request.seeds * len(entries),
+            weight=case.evaluated_frames * case.request.seeds * len(entries),
             limit=limit,
             case=case,
             entries=entries,
@@ -178,7 +181,8 @@ def evaluate_case(
             raise
         methods[specs[0].label] = {"state": FAILED, "reason": str(error)}
         return out
-    for label, method in done.summary["methods"].items():
+    for label in (spec.label for spec in specs):  # others stand beside those that generate frames
+        method = done.summary["methods"][label]
         methods[label] = _method(done, label, method, divergence.reasons.get(label))
         out["times"]["methods"][label] = method.get("time_ms")
     summary = done.summary
@@ -202,7 +206,7 @@ def _method(done: Evaluation, label: str, method: Mapping[str, Any], diverges: s
     rows = [{name: row[name] for name in names} for row in done.rows if row["method"] == label]
     blocks = {n: method[n] for n in ("mean", "tail_percent", "emitters", "classes", "bound", "reuse", "reasons")}
     warmup = done.summary["warmup"]
-    blocks |= {"samples": method["samples"]} if "samples" in method else {}
+    blocks |= {name: method[name] for name in OF_KIND if name in method}
     blocks["response"] = {
         event: {k: v for k, v in e.items() if k != "curve"} for event, e in method["response"].items()
     }
@@ -214,13 +218,15 @@ def inapplicable(case: Case, entry: Entry) -> str | None:
     reason."""
     if entry.track not in ("", case.track):
         return f"runs in track {entry.track} alone unless it is named"
-    name = entry.text.partition("@")[0]
+    method, name = loaded(entry), entry.text.partition("@")[0]
+    generates = method is not None and method.generates is not None
+    if generates != case.generated and (method or is_sequence(name)):
+        return "generates frames" if generates else "generates no frames"
     if is_sequence(name):
         return None if _frames_of(case, name).is_dir() else f"has no frames in {_frames_of(case, name)}"
     missing = missing_inputs(case.kind, traced=bool(case.kind.path_samples))
     if case.kind.upscale != 1:
         missing[REFERENCE_INPUT] = "the reference has the size of the output"
-    method = loaded(entry)
     lost = [name for name in (method.reads if method else ()) if name in missing]
     return f"no {', '.join(lost)}: {missing[lost[0]]}" if lost else None
 

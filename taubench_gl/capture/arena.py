@@ -37,17 +37,17 @@ def make_arena(name: str, path: Path, data: Path | None = None) -> str:
     return f"{demo.map_name}, {window.start:g} to {window.start + Choice.seconds:g} s of {Path(demo.name).name}"
 
 
-def arena_file(name: str, data: Path | None = None) -> Path:
+def arena_file(name: str) -> Path:
     """The file of a scene of ``arena_scenes`` in the cache; other code, recordings or maps give another.
 
     Raises SceneError without the game's data files.
     """
-    _, demo, files = _opened(name, data)
+    _, demo, files = _opened(name, None)
     level = hashlib.sha256(files.read(files.map_file(demo.map_name)[1]) or b"").hexdigest()
     key = content_hash([_code(), name, level, *(str(path) for path in sorted(files.folder.glob("*.pk3")))])
     path = output_folder(cache_folder() / "scenes-made" / key) / f"{name}.glb"
     if not path.is_file():
-        make_arena(name, path, data)
+        make_arena(name, path)
     return path
 
 

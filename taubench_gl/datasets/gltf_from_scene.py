@@ -171,9 +171,9 @@ class _Textures:
             settings = gl.Sampler(
                 magFilter=sampler.mag_filter, minFilter=sampler.min_filter, wrapS=sampler.wrap_s, wrapT=sampler.wrap_t
             )
-            self._w.gltf.samplers.append(settings)
-            self._w.gltf.textures.append(gl.Texture(source=self._images[image], sampler=len(self._w.gltf.samplers) - 1))
-            self._texture_of[key] = len(self._w.gltf.textures) - 1
+            number = self._w.add(self._w.gltf.samplers, settings)
+            texture = gl.Texture(source=self._images[image], sampler=number)
+            self._texture_of[key] = self._w.add(self._w.gltf.textures, texture)
         return {"index": self._texture_of[key], "texCoord": texture.texcoord}
 
 
@@ -197,12 +197,8 @@ def _material(w: Writer, m: Material, textures: _Textures) -> int:
     extensions |= _dielectric(m, textures)
     if m.unlit:
         extensions["KHR_materials_unlit"] = {}
-    if extensions:
-        out.extensions = extensions
-        used = w.gltf.extensionsUsed
-        used += [name for name in extensions if name not in used]
-    w.gltf.materials.append(out)
-    return len(w.gltf.materials) - 1
+    out.extensions = {w.uses(name): extension for name, extension in extensions.items()}
+    return w.add(w.gltf.materials, out)
 
 
 def _dielectric(m: Material, textures: _Textures) -> dict[str, Any]:
@@ -230,8 +226,7 @@ def _dielectric(m: Material, textures: _Textures) -> dict[str, Any]:
 def _camera(w: Writer, c: Camera) -> int:
     zfar = c.zfar if np.isfinite(c.zfar) else None
     lens = gl.Perspective(yfov=c.yfov, znear=c.znear, zfar=zfar, aspectRatio=c.aspect)
-    w.gltf.cameras.append(gl.Camera(name=c.name, type="perspective", perspective=lens))
-    return len(w.gltf.cameras) - 1
+    return w.add(w.gltf.cameras, gl.Camera(name=c.name, type="perspective", perspective=lens))
 
 
 def _light(w: Writer, light: Light) -> dict:

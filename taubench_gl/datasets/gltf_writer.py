@@ -27,7 +27,8 @@ class Writer:
         self._blob = bytearray()
         self._shared: dict[tuple, int] | None = {} if share else None
 
-    def _append(self, collection: list, item: Any) -> int:
+    def add(self, collection: list, item: Any) -> int:
+        """Add an item to one of the lists of ``gltf``."""
         collection.append(item)
         return len(collection) - 1
 
@@ -35,7 +36,7 @@ class Writer:
         self._blob += bytes(-len(self._blob) % 4)
         view = gl.BufferView(buffer=0, byteOffset=len(self._blob), byteLength=len(payload), target=target)
         self._blob += payload
-        return self._append(self.gltf.bufferViews, view)
+        return self.add(self.gltf.bufferViews, view)
 
     def accessor(self, values: Any, dtype: str = "f4", target: int | None = None, bounds: bool = False) -> int:
         array = np.ascontiguousarray(values, dtype=f"<{dtype}")
@@ -51,7 +52,7 @@ class Writer:
         )
         if bounds:
             accessor.min, accessor.max = array.min(axis=0).tolist(), array.max(axis=0).tolist()
-        index = self._append(self.gltf.accessors, accessor)
+        index = self.add(self.gltf.accessors, accessor)
         if self._shared is not None:
             self._shared[key] = index
         return index
@@ -61,14 +62,14 @@ class Writer:
         image = self.image(pixels, lossy)
         if not self.gltf.samplers:
             self.gltf.samplers.append(gl.Sampler(magFilter=gl.LINEAR, minFilter=gl.LINEAR_MIPMAP_LINEAR))
-        return self._append(self.gltf.textures, gl.Texture(source=image, sampler=0))
+        return self.add(self.gltf.textures, gl.Texture(source=image, sampler=0))
 
     def image(self, pixels: np.ndarray, lossy: bool = False) -> int:
         """(h, w, 3 or 4) uint8 as an embedded PNG; ``lossy``: as a JPEG, if it has no alpha."""
         lossy = lossy and pixels.shape[2] == 3
         file = image_bytes(pixels, "jpeg", quality=90) if lossy else image_bytes(pixels, optimize=True)
         mime = "image/jpeg" if lossy else "image/png"
-        return self._append(self.gltf.images, gl.Image(mimeType=mime, bufferView=self.view(file)))
+        return self.add(self.gltf.images, gl.Image(mimeType=mime, bufferView=self.view(file)))
 
     def material(
         self,
@@ -88,7 +89,7 @@ class Writer:
         material = gl.Material(name=name, pbrMetallicRoughness=surface, alphaCutoff=None, **rest)
         if normal is not None:
             material.normalTexture = gl.NormalMaterialTexture(index=normal)
-        return self._append(self.gltf.materials, material)
+        return self.add(self.gltf.materials, material)
 
     def primitive(self, shape: dict[str, np.ndarray], material: int, targets: list[dict] | None = None) -> gl.Primitive:
         """A primitive for ``mesh``.
@@ -112,10 +113,10 @@ class Writer:
         return primitive
 
     def mesh(self, name: str, *primitives: gl.Primitive, weights: list[float] | None = None) -> int:
-        return self._append(self.gltf.meshes, gl.Mesh(name=name, primitives=list(primitives), weights=weights or []))
+        return self.add(self.gltf.meshes, gl.Mesh(name=name, primitives=list(primitives), weights=weights or []))
 
     def node(self, name: str, parent: int | None = None, **properties: Any) -> int:
-        index = self._append(self.gltf.nodes, gl.Node(name=name, **properties))
+        index = self.add(self.gltf.nodes, gl.Node(name=name, **properties))
         (self.gltf.scenes[0].nodes if parent is None else self.gltf.nodes[parent].children).append(index)
         return index
 
@@ -135,11 +136,11 @@ class Writer:
     def skin(self, name: str, joints: list[int], inverse_bind: np.ndarray) -> int:
         columns = np.swapaxes(inverse_bind, -1, -2).reshape(-1, 16)
         skin = gl.Skin(name=name, joints=joints, inverseBindMatrices=self.accessor(columns), skeleton=joints[0])
-        return self._append(self.gltf.skins, skin)
+        return self.add(self.gltf.skins, skin)
 
     def camera(self, name: str, yfov: float, znear: float, zfar: float) -> int:
         lens = gl.Perspective(yfov=yfov, znear=znear, zfar=zfar, aspectRatio=16 / 9)
-        return self._append(self.gltf.cameras, gl.Camera(name=name, type="perspective", perspective=lens))
+        return self.add(self.gltf.cameras, gl.Camera(name=name, type="perspective", perspective=lens))
 
     def animation(self, name: str, *tracks: tuple[int | str, str, Any, Any, str]) -> int:
         """Add an animation of tracks (node, path, times, values, interpolation).
@@ -159,7 +160,7 @@ class Writer:
             else:
                 target.node = node
             animation.channels.append(gl.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
-        return self._append(self.gltf.animations, animation)
+        return self.add(self.gltf.animations, animation)
 
     def save(self, path: Path) -> None:
         self.gltf.buffers = [gl.Buffer(byteLength=len(self._blob))]

@@ -178,7 +178,7 @@ def registry_entries(registries: Sequence[Path] = ()) -> dict[str, Entry]:
     return load_registry(list(registries) or named)
 
 
-def find_named(text: str, cache: Path | None = None) -> CachedScene | None:
+def find_named(text: str) -> CachedScene | None:
     """The cached scene that ``text`` names; None if it is a path or an unknown name.
 
     ``scene:NAME`` is always a name; NAME alone is a name unless a file of that name exists.  Raises DatasetError.
@@ -192,7 +192,7 @@ def find_named(text: str, cache: Path | None = None) -> CachedScene | None:
         if text.startswith(PREFIX):
             raise
         return None
-    return CachedScene(name, entry, cache)
+    return CachedScene(name, entry)
 
 
 def scene_text(cached: CachedScene) -> str:

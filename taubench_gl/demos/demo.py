@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from msgspec.structs import asdict
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.texts import LessonText
+from taubench_gl.demos.texts import LessonText, NumberText, ParameterText
 from taubench_gl.demos.theory import edge_pixels
 from taubench_gl.features import TABLE
 from taubench_gl.glossary import label_of
@@ -33,15 +32,11 @@ FPS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """Theoretical value of a number as a range, both ends inclusive.
-
-    ``text``: the range for display; ``source``: formula or reason, of the lesson's text.
-    """
+    """Theoretical value of a number as a range, both ends inclusive; ``text``: the range for display."""
 
     low: float
     high: float
     text: str
-    source: str = ""
 
     @classmethod
     def near(cls, value: float, tolerance: float, digits: int = 2) -> Expected:
@@ -70,13 +65,11 @@ class Expected:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A measured number, its meaning, and its theoretical value in the same unit."""
+    """A measured number, its theoretical value in the same unit, and what the lesson says of it."""
 
     number: float
-    unit: str
-    meaning: str
     expected: Expected
-    digits: int = 2
+    about: NumberText
 
     @property
     def as_expected(self) -> bool:
@@ -86,13 +79,13 @@ class Finding:
     @property
     def text(self) -> str:
         """The measured number with its unit: ``31.25 %``."""
-        return f"{self.number:.{self.digits}f} {self.unit}".strip()
+        return f"{self.number:.{self.about.digits}f} {self.about.unit}".strip()
 
     @property
     def expected_text(self) -> str:
         """The theoretical range with its unit: ``36.18 ± 0.44 %``, ``100.00 % exactly``."""
         value, exactly, _ = self.expected.text.partition(" exactly")
-        return f"{value} {self.unit}".strip() + exactly
+        return f"{value} {self.about.unit}".strip() + exactly
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,27 +105,21 @@ class Parameter:
     """A parameter that the reader drags: an image and a number at each of its values, with the number's theory.
 
     The images are given, or follow from ``plane``, (h, w) uint8: at value i the pixels above i are marked on ``base``.
-    ``expected`` is None where there is no theory; ``tolerance`` is in the unit of the number.  The texts are the
-    lesson's ``ParameterText``.
+    ``expected`` is None where there is no theory; ``tolerance`` is in the unit of the number; ``about``: the lesson's
+    text of the parameter, None until the result has its texts.
     """
 
     values: tuple[float, ...]
     measured: tuple[float, ...]
     expected: tuple[float | None, ...]
     tolerance: tuple[float, ...]
-    name: str = ""
-    unit: str = ""
-    meaning: str = ""  # of the number: "of the pixels are discarded"
-    number_unit: str = ""
-    source: str = ""  # of the theory
+    about: ParameterText | None = None
     start: int = 0  # index of the value that is shown first
     images: tuple[Array, ...] = ()  # (h, w, 3) uint8 each
     plane: Array | None = None
     base: Array | None = None  # (h, w, 3) uint8
     mark: RGB = REASON_COLORS[Reason.POSITION]
-    note: str = ""  # how to read the image: colors, scale
     bar: ColorBar | None = None
-    digits: int = 2
 
     def picture(self, i: int) -> Array:
         """The image at the value with index ``i``, (h, w, 3) uint8."""
@@ -170,7 +157,7 @@ def swept(
 def value_texts(parameter: Parameter) -> list[str]:
     """The values of a parameter with their unit: ``0.125 m``, ``3,000,000 m``."""
     texts = (f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}" for value in parameter.values)
-    return [f"{text} {parameter.unit}".strip() for text in texts]
+    return [f"{text} {parameter.about.unit}".strip() for text in texts]
 
 
 def threshold_parameter(
@@ -253,13 +240,8 @@ class Measured:
         """The result, with what the lesson's text says of each number and of the parameter.  Raises ValueError."""
         if self.numbers.keys() != text.numbers.keys():
             raise ValueError(f"{text.name} measures {', '.join(self.numbers)}, its text has {', '.join(text.numbers)}")
-        findings = []
-        for name, (number, expected) in self.numbers.items():
-            about = text.numbers[name]
-            expected = replace(expected, source=about.source)
-            findings.append(Finding(number, about.unit, about.meaning, expected, about.digits))
-        parameter = replace(self.parameter, **asdict(text.parameter))
-        return Result(tuple(findings), self.sheet, parameter, self.colors, self.screens)
+        findings = tuple(Finding(*pair, text.numbers[name]) for name, pair in self.numbers.items())
+        return Result(findings, self.sheet, replace(self.parameter, about=text.parameter), self.colors, self.screens)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import asdict
 
 from taubench_gl import __version__
 from taubench_gl.data_files import read_bytes
@@ -165,17 +166,18 @@ def _question(demo: Demo, finding: Finding) -> dict[str, Any]:
     (low, high), expected = demo.text.guess, finding.expected
     digits = max(0, 2 - math.floor(math.log10(high - low)))
     return {
-        "low": low, "high": high, "guess_digits": min(digits, 3), "unit": finding.unit,
-        "measured": finding.number, "text": finding.text, "meaning": finding.meaning,
+        "low": low, "high": high, "guess_digits": min(digits, 3), "unit": finding.about.unit,
+        "measured": finding.number, "text": finding.text, "meaning": finding.about.meaning,
         "expected": [max(expected.low, low), min(expected.high, high)],
-        "theory": f"{finding.expected_text} ({expected.source})",
+        "theory": f"{finding.expected_text} ({finding.about.source})",
     }  # fmt: skip
 
 
 def _parameter(parameter: Parameter) -> dict[str, Any]:
     """What the page's script needs to redraw image and number at each value of the parameter."""
+    values = {field.name: getattr(parameter, field.name) for field in fields(parameter)} | asdict(parameter.about)
     names = ("name", "unit", "values", "meaning", "number_unit", "measured", "expected", "tolerance", "mark", "digits")
-    out = {name: getattr(parameter, name) for name in names} | {"texts": value_texts(parameter)}
+    out = {name: values[name] for name in names} | {"texts": value_texts(parameter)}
     if parameter.plane is not None and parameter.base is not None:
         # Lossless: the page counts the pixels of the plane.
         plane, base = image_bytes(parameter.plane, optimize=True), _webp(parameter.base)

@@ -20,7 +20,11 @@ class NumberText(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ParameterText(Struct, frozen=True, forbid_unknown_fields=True):
-    """What is said of the parameter that the reader drags: texts of ``demo.Parameter``."""
+    """What is said of the parameter that the reader drags.
+
+    ``meaning``: of the number, such as "of the pixels are discarded"; ``source``: of its theory; ``note``: how to read
+    the image.
+    """
 
     name: str
     meaning: str

@@ -20,7 +20,6 @@ from taubench_gl.effects.path_tracing import (
     cost_text,
     emissive_surfaces,
     glass_counts,
-    method_of,
     traced_sources,
 )
 from taubench_gl.features import COLUMNS, LIGHT_FEATURES
@@ -62,16 +61,13 @@ SWITCHABLE = ("normal_maps", "direct", "glossy", "shadows", "indirect", "color",
 
 
 def disable(
-    effects: dict[str, Effect],
-    names: Iterable[str],
-    depends: Mapping[str, frozenset[str]],
-    why: str = "switched off",
+    effects: dict[str, Effect], names: Iterable[str], depends: Mapping[str, frozenset[str]]
 ) -> dict[str, Effect]:
     """``effects`` without ``names`` and without what depends on them.
 
     ``depends``: effect -> effects without which it has nothing to work on.
     """
-    out, waiting = dict(effects), [(name, why) for name in names if name in effects]
+    out, waiting = dict(effects), [(name, "switched off") for name in names if name in effects]
     while waiting:
         name, why = waiting.pop()
         if out[name].enabled:
@@ -213,7 +209,7 @@ def _shadows(settings: Settings, lights: int, direct: bool, replaced: bool, *, o
 
 def _path_traced(scene: Scene, settings: Settings, traced: frozenset[str], wanted: bool) -> dict[str, Effect]:
     """The effects that trace paths: all light, or with ``auto`` what ``traced_sources`` names."""
-    method, cost = method_of(settings), cost_text(settings.lighting)
+    method, cost = settings.lighting.light, cost_text(settings.lighting)
     surfaces = _count(emissive_surfaces(scene, settings), "emissive surface", "emissive surfaces")
     whole = Effect(False, f"the light method is {method}")
     by_source = {"emitter_light": ("emitters", surfaces), "environment_light": ("environment", "the environment")}
@@ -244,7 +240,7 @@ def _glass(scene: Scene, path_traced: Effect) -> dict[str, Effect]:
 
 def _not_traced(source: str, light: str, settings: Settings) -> str:
     """Why the preview, or the raster method, traces no paths for ``light`` of ``source``."""
-    if method_of(settings) == "raster":
+    if settings.lighting.light == "raster":
         return f"{light}, the light method is raster"
     if source == "emitters":
         return "no emissive surface of strength above 1"

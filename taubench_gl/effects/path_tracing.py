@@ -22,18 +22,13 @@ REPLACED = {
 """Effect that traces paths -> effects of the raster method that it replaces."""
 
 
-def method_of(settings: Settings) -> str:
-    """The light method: raster, path-traced, preview or auto."""
-    return settings.lighting.light
-
-
 def emitters(scene: Scene, settings: Settings) -> frozenset[int]:
     """Drawn materials whose surfaces are path-traced lights; without path tracing, those that light nothing.
 
     With ``path-traced`` all that emit, else those that count as light.
     """
     used = {p.material for _, p in scene.drawn()} - {-1}
-    is_light = emits if method_of(settings) == "path-traced" else counts_as_light
+    is_light = emits if settings.lighting.light == "path-traced" else counts_as_light
     return frozenset(m for m in used if is_light(scene.materials[m]))
 
 
@@ -49,7 +44,7 @@ def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
     The preview has raster light of an environment beside punctual lights: unoccluded, without noise, a better control
     of sampled light and faster than few samples.  Alone it would have no indirect light, so then it is path-traced.
     """
-    method, environment = method_of(settings), environment_of(settings)
+    method, environment = settings.lighting.light, environment_of(settings)
     if method == "raster":
         return frozenset()
     whole, punctual = method == "path-traced", bool(len(scene.light_nodes) or environment.sun is not None)
@@ -137,7 +132,7 @@ def notes(scene: Scene, settings: Settings, enabled: frozenset[str]) -> list[str
     """
     surfaces = emissive_surfaces(scene, settings)
     text = f"{surfaces} emissive surface{'s' * (surfaces != 1)}"
-    if method_of(settings) == "raster":
+    if settings.lighting.light == "raster":
         lights = {"direct", "color"} & enabled
         return [f"{text} light{'s' * (surfaces == 1)} nothing: the light method is raster"] * bool(surfaces and lights)
     parts = {"emitter_light": text, "environment_light": "the environment"}
@@ -147,10 +142,10 @@ def notes(scene: Scene, settings: Settings, enabled: frozenset[str]) -> list[str
 
 def left_out(scene: Scene, settings: Settings) -> list[Note]:
     """What raster light leaves out of surfaces that path-traced light has."""
-    if method_of(settings) == "path-traced":
+    if settings.lighting.light == "path-traced":
         return []
     used = {n: {p.material for p in scene.primitives(n)} for n in scene.mesh_nodes.tolist()}
-    preview = "preview: " if method_of(settings) in PREVIEWED else ""
+    preview = "preview: " if settings.lighting.light in PREVIEWED else ""
     out = []
     for need, what, consequence in _LEFT_OUT:
         materials = sorted(i for i in set().union(*used.values()) if i >= 0 and need(scene.materials[i]))

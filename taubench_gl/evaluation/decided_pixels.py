@@ -70,6 +70,12 @@ class PreviewPair:
     emission: tuple[Array, Array] | None  # (h, w, 3)
     color: tuple[Array, Array] | None  # (h, w, 3)
 
+    def shared(self, before: PreviewPair) -> PreviewPair:
+        """This pair with those images of its first frame that are the same in ``before``, where that is the second."""
+        images = {name: (getattr(self, name), getattr(before, name)) for name in ("surface", "emission", "color")}
+        equal = {n: (b[1], a[1]) for n, (a, b) in images.items() if a and b and np.array_equal(a[0], b[1])}
+        return replace(self, **equal)
+
     def differs(self, other: PreviewPair) -> Array:
         """Pixels that have another history or another word in ``other``, the same pair reprojected otherwise.
 

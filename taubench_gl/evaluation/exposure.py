@@ -34,7 +34,7 @@ from taubench_gl.outputs import write_atomically
 from taubench_gl.paths import cache_folder
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import MAX_EXPOSURE, Settings
-from taubench_gl.stage_log import lasting
+from taubench_gl.stage_log import lasting, progressed
 
 log = logging.getLogger(__name__)
 
@@ -130,10 +130,10 @@ def _metered(animated: AnimatedScene, metering: Settings, times: np.ndarray, own
         if "direct" in source.unmeasured:
             return None
         frames = []
-        with lasting(log, "metering the exposure") as advance:
+        with lasting(log, "metering the exposure"):
             for frame in range(len(times)):
                 frames.append(surface_light(source, frame, METERED_PIXELS // len(times)))
-                advance((frame + 1) / len(times))
+                progressed((frame + 1) / len(times))
         opened.gpu.check("metering")
     radiance, weights = (np.concatenate(each) for each in zip(*frames, strict=True))
     exposure = metered_exposure(radiance, weights)

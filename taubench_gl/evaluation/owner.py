@@ -20,6 +20,7 @@ from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.memory_budget import return_freed
 from taubench_gl.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -62,6 +63,7 @@ class GpuOwner(Owner):
         log.info("preparing frames of %dx%d pixels", settings.sequence.width, settings.sequence.height)
         shaders = self.context.shaders
         source = RasterSource(self.gpu, animated, settings, jitter=jitter, timer=timer, shaders=shaders, **options)
+        return_freed()  # opening takes much for a while: trees, images, compiled programs
         return self.own(source, instead_of=instead_of)
 
     def open_evaluator(

@@ -116,8 +116,12 @@ class Previews:
         if frame in self._kept or self._room <= 0:
             return
         self._evaluator.submit(cameras)
-        self._kept[frame] = pairs = self._read(frame)
-        self._room -= PIXEL_BYTES * pairs[0].words.size
+        pair, other = self._read(frame)
+        if frame - 1 in self._kept:
+            before = self._kept[frame - 1][0]
+            pair, other = pair.shared(before), other and other.shared(before)
+        self._kept[frame] = pair, other
+        self._room -= PIXEL_BYTES * pair.words.size
 
     def _read(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
         pair = read_preview(self._source, self._evaluator, frame, self._columns)

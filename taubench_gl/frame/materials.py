@@ -18,9 +18,9 @@ from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shared import Held
-from taubench_gl.memory_budget import return_large_blocks
+from taubench_gl.memory_budget import return_freed
 from taubench_gl.scene.model import Material, Scene, Texture
-from taubench_gl.stage_log import lasting
+from taubench_gl.stage_log import lasting, progressed
 
 if TYPE_CHECKING:
     import moderngl
@@ -158,7 +158,7 @@ def images_of(used: Iterable[tuple[Material, tuple[str, ...]]]) -> set[tuple[int
 
 def decoded_images(scene: Scene, images: Iterable[int]) -> Iterator[tuple[int, np.ndarray]]:
     """(image, texels (h, w, 4) uint8) in order.  Threads decode a few images ahead, so few are held at a time."""
-    return_large_blocks()
+    return_freed()
     ahead: deque[tuple[int, Future[np.ndarray]]] = deque()
     with ThreadPoolExecutor(DECODED_AHEAD) as pool:
         for image in images:
@@ -217,12 +217,12 @@ class MaterialTable:
             out[image, srgb] = self._held[-1].value
 
         images = sorted({image for image, _ in missing})
-        with lasting(log, "decoding %d images", len(images)) if images else nullcontext() as advance:
+        with lasting(log, "decoding %d images", len(images)) if images else nullcontext():
             for number, (image, pixels) in enumerate(decoded_images(scene, images), start=1):
                 for srgb in (srgb for i, srgb in sorted(missing) if i == image):
                     hold(image, srgb, partial(self._texture, pixels, srgb, scene.images[image].name))
                 del pixels  # before the next one is waited for
-                advance(number / len(images))
+                progressed(number / len(images))
         for image, srgb in needed - missing:
             hold(image, srgb)
         return out

@@ -15,7 +15,7 @@ from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.conventions import DEFAULT_FPS
 from taubench_gl.effects.decide import Effect, indirect_method
 from taubench_gl.effects.lighting import Environment, Sun, environment_of
-from taubench_gl.effects.path_tracing import GLASS, emitters, method_of, traced_effects, traced_sources
+from taubench_gl.effects.path_tracing import GLASS, emitters, traced_effects, traced_sources
 from taubench_gl.frame.lights import KINDS, light_kinds, significant_lights
 from taubench_gl.frame.materials import MaterialKey, material_key, with_blend
 from taubench_gl.frame.shading import Shading
@@ -149,7 +149,7 @@ class FrameSpec:
         if self.shading.stochastic or "direct" not in self.enabled or not effects:
             return frozenset()
         sources = traced_sources(self.scene, self.settings)
-        if method_of(self.settings) == "path-traced":
+        if self.settings.lighting.light == "path-traced":
             return sources if self.light_kinds else sources - {"punctual"}
         wanted = {"emitters": "emitter_light", "environment": "environment_light"}
         return frozenset(source for source, effect in wanted.items() if effect in effects and source in sources)
@@ -168,7 +168,7 @@ class FrameSpec:
 
     @property
     def _replaces_raster(self) -> bool:
-        return method_of(self.settings) == "path-traced" and bool(self.path_traced_sources)
+        return self.settings.lighting.light == "path-traced" and bool(self.path_traced_sources)
 
     @property
     def glass(self) -> dict[str, bool]:

@@ -63,7 +63,7 @@ def block_length(series: Array) -> int:
     return int(np.clip(2 * math.ceil(length), 1, most))
 
 
-def resampled_means(series: Array, length: int, resamples: int = RESAMPLES, seed: int = 0) -> Array:
+def resampled_means(series: Array, length: int, resamples: int = RESAMPLES) -> Array:
     """Means over frames of ``resamples`` bootstrap sequences.  (n, k) -> (resamples, k) float64.
 
     All k columns get the same frames: differences between them are paired.  ``length``: of the blocks, frames; the last
@@ -72,7 +72,7 @@ def resampled_means(series: Array, length: int, resamples: int = RESAMPLES, seed
     x = np.asarray(series, dtype=np.float64)
     n = len(x)
     whole, remainder = divmod(n, length)
-    starts = np.random.default_rng(seed).integers(0, n - length + 1, size=(resamples, whole + (remainder > 0)))
+    starts = np.random.default_rng(0).integers(0, n - length + 1, size=(resamples, whole + (remainder > 0)))
     # Each block is a sum of its own: differences of cumulative sums lose small values beside large ones.
     sums = {of: sliding_window_view(x, of, axis=0).sum(axis=-1) for of in {length, remainder or length}}
     total = np.zeros((resamples, x.shape[1]))
@@ -82,12 +82,7 @@ def resampled_means(series: Array, length: int, resamples: int = RESAMPLES, seed
 
 
 def interval(
-    series: Array,
-    statistic: Callable[[Array], Array],
-    length: int,
-    *,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
+    series: Array, statistic: Callable[[Array], Array], length: int, *, resamples: int = RESAMPLES
 ) -> Interval | None:
     """The interval of ``statistic`` of the column means of ``series`` (n, k).  ``statistic``: (..., k) -> (...).
 
@@ -101,22 +96,22 @@ def interval(
         return None
     blocks = len(x) / length
     error = float(np.std(drawn)) * math.sqrt(blocks / (blocks - 1.0))
-    return _student(estimate, error, blocks - 1.0, confidence)
+    return _student(estimate, error, blocks - 1.0)
 
 
-def _student(estimate: float, error: float, freedom: float, confidence: float) -> Interval:
+def _student(estimate: float, error: float, freedom: float) -> Interval:
     from scipy import stats  # imported late: 2 s
 
-    half = float(stats.t.isf(0.5 * (1.0 - confidence), freedom)) * error
+    half = float(stats.t.isf(0.5 * (1.0 - CONFIDENCE), freedom)) * error
     p_value = float(2.0 * stats.t.sf(abs(estimate) / error, freedom)) if error > 0 else float(estimate == 0.0)
     return Interval(estimate, estimate - half, estimate + half, p_value)
 
 
-def student_interval(values: Array, confidence: float = CONFIDENCE) -> Interval:
+def student_interval(values: Array) -> Interval:
     """Mean of independent values (n,), two or more, and its interval by Student's t."""
     x = np.asarray(values, dtype=np.float64)
     error = float(x.std(ddof=1)) / math.sqrt(len(x))
-    return _student(float(x.mean()), error, len(x) - 1.0, confidence)
+    return _student(float(x.mean()), error, len(x) - 1.0)
 
 
 def holm_adjusted(p_values: Array) -> Array:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 
@@ -47,8 +46,6 @@ class Estimate:
     mean: float
     half_width: float | None  # of the confidence interval; None where a stratum has one pair
     level: float
-    sampled: int  # n
-    total: int  # N
 
 
 def sample_pairs(total: int, scheme: str, number: int = 1, rng: np.random.Generator | None = None) -> PairSample:
@@ -72,28 +69,23 @@ def sample_pairs(total: int, scheme: str, number: int = 1, rng: np.random.Genera
     return PairSample(total, tuple(strata))
 
 
-def estimate(sample: PairSample, values: Array, level: float = 0.95, within: Array | None = None) -> Estimate:
+def estimate(sample: PairSample, values: Array, level: float = 0.95) -> Estimate:
     """The population's mean and its confidence interval, from ``values`` (n,) in the order of ``sample.positions``.
-
-    ``within`` (n,): variance of each value where it is itself estimated, as from random pixels; None: it is known.
 
     mean = sum_h W_h mean_h with W_h = N_h / N (Cochran Eq. 5.1); variance = sum_h W_h^2 (1 - n_h / N_h) s_h^2 / n_h
     (Eq. 5.13 as estimated from the sample; one stratum: Eq. 2.20); half width = t sqrt(variance), t of Student at
-    Satterthwaite's degrees of freedom (Eq. 5.16).  With ``within`` the sample has two stages: W_h^2 / N_h times the
-    mean of these variances is added for each stratum (Theorem 10.2), with unlimited degrees of freedom.
+    Satterthwaite's degrees of freedom (Eq. 5.16).
 
     Every k-th pair counts as a random sample of its size.  The interval is then too wide for a sequence with a trend
     (section 8.5), and too narrow for one whose period divides k pairs, which no sample can detect.
     """
     at = {p: float(v) for p, v in zip(sample.positions, np.asarray(values, dtype=np.float64), strict=True)}
-    inside = dict(zip(sample.positions, np.zeros(len(at)) if within is None else within, strict=True))
     mean = variance = spread = 0.0
     unknown = False
     for size, sampled in sample.strata:
         y = np.array([at[p] for p in sampled])
         weight, n = size / sample.total, len(y)
         mean += weight * float(y.mean())
-        variance += weight**2 / size * float(np.mean([inside[p] for p in sampled]))
         if n == size:
             continue  # the whole stratum: no error
         if n < 2:
@@ -102,16 +94,12 @@ def estimate(sample: PairSample, values: Array, level: float = 0.95, within: Arr
         part = weight**2 * (1.0 - n / size) * float(y.var(ddof=1)) / n
         variance += part
         spread += part**2 / (n - 1)
-    count = len(at)
-    if unknown:
-        return Estimate(mean, None, level, count, sample.total)
-    if variance == 0.0:
-        return Estimate(mean, 0.0, level, count, sample.total)
+    if unknown or variance == 0.0:
+        return Estimate(mean, None if unknown else 0.0, level)
     from scipy.special import stdtrit  # imported late: 0.3 s
 
-    top = 0.5 + 0.5 * level
-    t = float(stdtrit(variance**2 / spread, top)) if spread else NormalDist().inv_cdf(top)
-    return Estimate(mean, t * math.sqrt(variance), level, count, sample.total)
+    t = float(stdtrit(variance**2 / spread, 0.5 + 0.5 * level))
+    return Estimate(mean, t * math.sqrt(variance), level)
 
 
 def share_ends(percent: float, half_width: float | None) -> list[float] | None:

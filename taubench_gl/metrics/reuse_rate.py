@@ -48,9 +48,10 @@ def disjoint_reasons(mask_histogram: Array, rate: str = "shading") -> dict[str, 
     ``mask_histogram``: (MASK_WORDS,).  With ``reusable_pixels(...)[rate]`` the values add up to all surface pixels.
     """
     words, pixels = occupied(mask_histogram)
-    counts = np.zeros(len(_reasons_of(rate)) + 1, dtype=np.int64)
-    np.add.at(counts, _first_reason(rate)[words], pixels)
-    return {name: count for (_, name), count in zip(_reasons_of(rate), counts.tolist())}
+    first, names = first_reasons(rate)
+    counts = np.zeros(len(names) + 1, dtype=np.int64)
+    np.add.at(counts, first[words], pixels)
+    return dict(zip(names, counts.tolist()))
 
 
 def surface_pixels(mask_histogram: Array) -> int:
@@ -89,7 +90,7 @@ class ReuseStats:
         self._pixels: list[int] = []  # of each pair, like all that follow
         self._surface: list[int] = []
         self._counts: dict[str, list[int]] = {rate: [] for rate in measured}
-        self._reasons: dict[str, list[int]] = {} if self.rate is None else {n: [] for _, n in _reasons_of(self.rate)}
+        self._reasons: dict[str, list[int]] = {} if self.rate is None else {n: [] for n in first_reasons(self.rate)[1]}
         self._color_only: list[int] = []
         self._discarded: dict[str, list[int]] = {c: [] for c in COLUMN_BITS if c not in unmeasured}
         self._histogram = np.zeros(MASK_WORDS, dtype=np.int64)
@@ -195,26 +196,18 @@ def occupied(mask_histogram: Array) -> tuple[Array, Array]:
 
 
 @cache
-def _first_reason(rate: str) -> Array:
-    """Index of each word's reason in ``_reasons_of(rate)``, one past the end for none and sky.  (MASK_WORDS,) int64."""
-    words, reasons = np.arange(MASK_WORDS), _reasons_of(rate)
+def first_reasons(rate: str) -> tuple[Array, tuple[str, ...]]:
+    """Index of each word's first reason among the names of a rate's reasons, (MASK_WORDS,) int64, and these names.
+
+    None and sky have the index after the last.
+    """
+    reasons = [item for item in REUSE_REASONS.items() if rate == "shading" or item[0] not in LIGHT_REASONS]
+    words = np.arange(MASK_WORDS)
     out = np.full(MASK_WORDS, len(reasons))
     for index, (bit, _) in reversed(list(enumerate(reasons))):
         out[(words & int(bit)) != 0] = index
     out[((words & int(RATE_BITS[rate])) == 0) | ((words & int(Reason.SKY)) != 0)] = len(reasons)
-    return out
-
-
-def first_reasons(rate: str) -> tuple[Array, list[str]]:
-    """Index of each word's reason among the names of reasons, one past the end for none and sky: (MASK_WORDS,)."""
-    return _first_reason(rate), [name for _, name in _reasons_of(rate)]
-
-
-@cache
-def _reasons_of(rate: str) -> list[tuple[Reason, str]]:
-    """Bits and names of the reasons of a rate, in order."""
-    shown = REUSE_REASONS.items()
-    return [(bit, term.key) for bit, term in shown if rate == "shading" or bit not in LIGHT_REASONS]
+    return out, tuple(term.key for _, term in reasons)
 
 
 def _percent(counts: Sequence[int] | Array, base: Sequence[int] | Array, weights: Array) -> float | None:

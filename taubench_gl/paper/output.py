@@ -35,7 +35,7 @@ PREAMBLE = r"""\documentclass{article}
 \footnotesize"""
 
 Figure = tuple[Path, str]
-"""A PNG and its caption."""
+"""The file of a figure, a PNG, and its caption."""
 
 
 def write_study(

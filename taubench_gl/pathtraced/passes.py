@@ -255,20 +255,16 @@ class PathTracedFrame:
     no_normals: float = 0.0  # share of the surface pixels whose normal is zero
     kept: Array | None = None  # (h, w) float32, weight that the frames' program gave its history; 0: rejected
 
-    def linear_radiance(self, exposure: float, where: str) -> Array:
-        """``linear_radiance`` of the combined pass."""
-        return linear_radiance(self.combined, self.mapping.color == "encoded", exposure, where)
 
-
-def linear_radiance(combined: Array | None, encoded: bool, exposure: float, where: str) -> Array:
+def linear_radiance(combined: Array | None, mapping: PassMap, exposure: float, where: str) -> Array:
     """A combined pass times ``exposure``, linear, (h, w, 3) float32.
 
-    ``combined`` (h, w, 3), or None where the file has none; ``encoded``: it is tone-mapped and sRGB-encoded.  Raises
-    PathTracedError for both.
+    ``combined`` (h, w, 3), or None where the file has none, as ``mapping`` says.  Raises PathTracedError for none, and
+    for one that is tone-mapped and sRGB-encoded.
     """
     if combined is None:
         raise PathTracedError("has no combined pass", where=where, hint=NAME_IT)
-    if encoded:
+    if mapping.color == "encoded":
         raise PathTracedError("its combined pass is display-encoded, not linear radiance", where=where)
     return combined[..., :3].astype(np.float32) * np.float32(exposure)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import shutil
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -305,16 +304,6 @@ def _samples_in(path: Path) -> int | None:
             return int(stored["counts"].sum())
     except OutputError:
         return None
-
-
-def clear(keys: Iterable[str], root: Path | None = None) -> None:
-    """Delete stored references.  Raises OutputError."""
-    root = references_folder() if root is None else root
-    for key in keys:
-        try:
-            shutil.rmtree(root / key)
-        except OSError as error:
-            raise OutputError(f"cannot be deleted: {error.strerror}", where=str(root / key)) from None
 
 
 # ---------------------------------------------------------------------------------------------------------- tracing

@@ -165,7 +165,7 @@ class PathTracedSequence:
         """
         combined = read_light(self._decode(frame), self.index, "combined")
         where = f"{self.path}, frame {frame}"
-        return linear_radiance(combined, self.mapping.color == "encoded", exposure, where)
+        return linear_radiance(combined, self.mapping, exposure, where)
 
     def emission(self, frame: int) -> Array | None:
         """The pass of emission of one frame, (h, w, 3) float32; None where the first frame has none."""

@@ -14,7 +14,7 @@ from taubench_gl.report.light_samples import mean_samples
 from taubench_gl.report.method_styles import method_styles
 from taubench_gl.report.page import Page, bullets, data_uri, picture, tag, text_lines
 from taubench_gl.report.plot import Plot, label_ends
-from taubench_gl.report.reuse import class_label, mean_response, ranks
+from taubench_gl.report.reuse import GENERATED, GENERATED_NOTE, class_label, mean_response, ranks
 from taubench_gl.report.table import Column, Row, Table, to_html
 
 Summary = Mapping[str, Any]
@@ -25,17 +25,21 @@ SHOWN = {
 }  # fmt: skip
 """Measure of the rankings -> its title and number of decimals."""
 
-_HEADROOMS = {"headroom_db": "headroom", "clipped_headroom_db": "headroom clipped"}
+_ABOUT = "error over that of the best blend of the method's own history"
+_OF_TRACK = {
+    "headroom_db": Column("headroom", "dB", 2, _ABOUT),
+    "clipped_headroom_db": Column("headroom clipped", "dB", 2, _ABOUT),
+    **GENERATED,
+}  # fmt: skip
+"""Means that some tracks have -> their columns."""
 
-UNITS = {
-    "rotation": "deg/frame", "translation": "m/frame", "light_speed": "m/frame", "object_speed": "m/frame",
-    "camera_path_speed": "times",
-}  # fmt: skip
 AXES = {
-    "rotation": "rotation of the camera", "translation": "speed of the camera",
-    "light_speed": "speed of the lights", "object_speed": "speed of the objects",
-    "camera_path_speed": "speed of the recorded camera",
+    "rotation": ("rotation of the camera", "deg/frame"), "translation": ("speed of the camera", "m/frame"),
+    "light_speed": ("speed of the lights", "m/frame"), "object_speed": ("speed of the objects", "m/frame"),
+    "camera_path_speed": ("speed of the recorded camera", "times"),
 }  # fmt: skip
+"""Axis of a series -> what changes, and its unit."""
+
 PLOT_NAME = "speeds"
 FINE = 16
 """Number of points of a plotted line between two steps."""
@@ -72,20 +76,22 @@ def _ranking(summary: Summary, track: str, rankings: Summary) -> Table:
         measure = summary["measures"][name]
         columns.append(Column("rank", "", None, f"ranks by {title} that the intervals allow"))
         columns.append(Column(title, measure["unit"], digits, f"{measure['doc']}; {measure['better']} is better"))
-    headrooms = [n for n in _HEADROOMS if any(n in m["tracks"][track] for m in summary["methods"].values())]
-    about = "error over that of the best blend of the method's own history"
-    columns += [Column(_HEADROOMS[name], "dB", 2, about) for name in headrooms]
+    of_track = [n for n in _OF_TRACK if any(n in m["tracks"][track] for m in summary["methods"].values())]
+    columns += [_OF_TRACK[name] for name in of_track]
     columns += [Column("time", "ms", 2, "median per frame"), Column("memory", "MiB", 2, "textures of the method")]
     by_label = [{entry["method"]: entry for entry in ranking["ranking"]} for ranking in rankings.values()]
     leading_measure, leading = next(iter(rankings.items()))
-    rows = []
+    rows, absent = [], {}
     for label in [*by_label[0], *leading["not_ranked"]]:
         method, entries = summary["methods"][label], [entries.get(label) for entries in by_label]
         state, memory = method["tracks"][track], method["memory_bytes"]
+        if state["state"] == "not applicable":
+            absent.setdefault(state["reason"], []).append(label)
+            continue
         cells: list[Any] = []
         for name, entry in zip(rankings, entries, strict=True):
             cells += [None if entry is None else ranks(entry), state.get("mean", {}).get(name)]
-        cells += [*map(state.get, headrooms), summary["times"]["methods"][label][track],
+        cells += [*map(state.get, of_track), summary["times"]["methods"][label][track],
                   None if memory is None else memory / 2**20]  # fmt: skip
         why = leading["not_ranked"].get(label) if entries[0] is None else entries[0]["reason"]
         rows.append(Row(label, tuple(cells), reasons={0: why} if why else {}))
@@ -96,7 +102,10 @@ def _ranking(summary: Summary, track: str, rankings: Summary) -> Table:
             f"by {over[:-1]}, {leading['count']} {over}; Holm's correction for all pairs of a measure)."
         )
     order = f"Order: by mean {SHOWN[leading_measure][0]}, except methods that failed or are not ranked."
-    return Table(0, f"{track}: scorecard ({_contents(summary, track)})", tuple(columns), tuple(rows), (order, note))
+    every = {case["render_every"] for case in summary["cases"].values() if case["track"] == track} - {None}
+    notes = (order, note, *[GENERATED_NOTE.format(" or ".join(map(str, sorted(every))))] * bool(every))
+    notes += tuple(f"Not in this track: {', '.join(labels)} ({why})." for why, labels in absent.items())
+    return Table(0, f"{track}: scorecard ({_contents(summary, track)})", tuple(columns), tuple(rows), notes)
 
 
 def _contents(summary: Summary, track: str) -> str:
@@ -107,12 +116,14 @@ def _contents(summary: Summary, track: str) -> str:
 
 
 def _levels(summary: Summary, track: str) -> Table:
-    """FLIP by difficulty level."""
+    """The table of a track with the mean FLIP of each difficulty level, a row for each method that ran."""
     states = _finished_methods(summary, track)
     names = [n for n in summary["levels"] if any(n in state["levels"] for state in states.values())]
     columns = tuple(Column(n, "", 4, f"at most {summary['levels'][n]:g} % of the pixels discarded") for n in names)
     rows = (
-        [Row(label, tuple(s["levels"][n].get("flip") for n in names)) for label, s in states.items()] if names else []
+        [Row(label, tuple(s["levels"][n].get("flip") for n in names)) for label, s in states.items()]
+        if len(names) > 1
+        else []  # the mean over all cases is in the scorecard
     )
     cases = [case for case in summary["cases"].values() if case["track"] == track]
     count = {n: len({case["sha256"] for case in cases if case["level"] == n}) for n in names}
@@ -122,7 +133,7 @@ def _levels(summary: Summary, track: str) -> Table:
 
 
 def _classes(summary: Summary, track: str) -> Table:
-    """FLIP by pixel class."""
+    """The table of a track with the mean FLIP of each class of pixels, a row for each method that ran."""
     states = _finished_methods(summary, track)
     names = [n for n in summary["classes"] if any(s["classes"][n] is not None for s in states.values())]
     columns = tuple(Column(class_label(n), "", 4, summary["classes"][n]) for n in names)
@@ -156,7 +167,7 @@ def crossing_text(curve: Summary) -> str | None:
 def _speeds(summary: Summary) -> Table:
     """The speed up to which a method is better than no reuse, by series and measure."""
     curves = {
-        Column(f"{name}, {SHOWN[measure][0]}", UNITS[series["axis"]]): series["measures"][measure]
+        Column(f"{name}, {SHOWN[measure][0]}", AXES[series["axis"]][1]): series["measures"][measure]
         for name, series in summary["speeds"].items()
         for measure in ("flip", "psnr_db") if measure in series["measures"]
     }  # fmt: skip
@@ -214,9 +225,9 @@ def plot_speeds(summary: Summary, folder: Path) -> list[Path]:
             axes.set_xscale("symlog", linthresh=values[1])
             axes.set_xticks(values, [f"{v:g}" for v in values])
             axes.minorticks_off()
-        axes.set(xlabel=f"{AXES[entry['axis']]}, {UNITS[entry['axis']]}", ylabel="mean FLIP (lower is better)")
+        axes.set(xlabel=", ".join(AXES[entry["axis"]]), ylabel="mean FLIP (lower is better)")
         scene, _, kind = name.split("/")
-        plot.title(axes, f"{AXES[entry['axis']].capitalize()}: scene {scene}, input {kind}")
+        plot.title(axes, f"{AXES[entry['axis']][0].capitalize()}: scene {scene}, input {kind}")
         axes.margins(x=0.02)
         label_ends(axes, lines_drawn)
     return plot.save(folder / f"{PLOT_NAME}.png")

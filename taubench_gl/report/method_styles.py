@@ -47,7 +47,7 @@ class MethodStyle:
 
     @property
     def bar(self) -> dict[str, Any]:
-        """Properties of a bar."""
+        """Keywords that Matplotlib takes for a bar of this method."""
         return {"color": self.color, "hatch": {"-": None, "--": "//", "-.": "xx", ":": ".."}[self.line]}
 
     @property

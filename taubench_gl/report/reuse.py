@@ -86,8 +86,19 @@ _RESPONSE = {
 _RESPONSE_NOTE = (
     "Frames after an event until the squared error of linear radiance in its pixels is a tenth of its peak above the "
     "noise floor, the median of the last quarter of the frames that follow these pixels; 0: the peak is within the "
-    "noise of the floor, or the error stays as high. Mean over the events that reach it, 95 % interval over seeds. "
-    "Never: share of the followed events that do not reach it in the first half of these frames."
+    "noise of the floor, or the error stays as high. Mean over the events that reach it."
+)
+
+GENERATED = {
+    "gain_db": Column("gain, PSNR", "dB", 2), "latency_frames": Column("latency", "rendered frames"),
+    "latency_ms": Column("latency", "ms", 1),
+}  # fmt: skip
+"""Block ``generated`` of methods that generate frames -> columns."""
+
+GENERATED_NOTE = (
+    "One of {} displayed frames is rendered; the others, which methods generate, are scored. Gain: over present-last, "
+    "which displays the last rendered frame again. Pixel classes: changes since the last rendered frame. Latency: "
+    "rendered frames that the display waits for, and by how much that delays every frame, without the method's time."
 )
 
 _BOUND_NOTE = (
@@ -136,7 +147,8 @@ def _response_table(summary: Summary) -> list[Table]:
             if found["reason"]:
                 notes.append(f"{row.label}: {found['reason']}.")
     meaning = "; ".join(f"{name.replace('_', ' ')}: {doc}" for name, doc in summary.get("events", {}).items())
-    notes = (_RESPONSE_NOTE, f"{meaning}.", *notes)
+    never = "Never: share of the followed events that do not reach it in the first half of these frames."
+    notes = (f"{_RESPONSE_NOTE} 95 % interval over seeds. {never}", f"{meaning}.", *notes)
     return [Table(11, "Response time", tuple(_RESPONSE.values()), tuple(rows), notes)] if rows else []
 
 
@@ -157,18 +169,10 @@ def _parts_table(summary: Summary) -> list[Table]:
 
 def _generated_table(summary: Summary) -> list[Table]:
     """Latency of methods that generate frames, and what they gain over the last rendered frame."""
-    methods = {label: m for label, m in valid_methods(summary).items() if m.get("latency")}
-    base = methods["present-last"]["mean"]["psnr_db"] if "present-last" in methods else None
-    rows = []
-    for label, method in methods.items():
-        own, latency = method["mean"]["psnr_db"], method["latency"]
-        rows.append(Row(label, (None if None in (own, base) else own - base, latency["frames"], latency["ms"])))
-    columns = (Column("gain, PSNR", "dB", 2), Column("latency", "rendered frames"), Column("latency", "ms", 1))
-    note = (
-        f"One of {summary['input'].get('render_every')} frames is rendered, the others are scored. Gain: over the last "
-        "rendered frame. Pixel classes: changes since then. Latency: without the time that the method takes."
-    )
-    return [Table(13, "Generated frames", columns, tuple(rows), (note,))] if rows else []
+    methods = {label: m["generated"] for label, m in valid_methods(summary).items() if m.get("generated")}
+    rows = tuple(Row(label, tuple(map(values.get, GENERATED))) for label, values in methods.items())
+    note = GENERATED_NOTE.format(summary["input"].get("render_every"))
+    return [Table(13, "Generated frames", tuple(GENERATED.values()), rows, (note,))] if rows else []
 
 
 def mean_response(summary: Summary) -> Table:
@@ -409,10 +413,7 @@ def merged_summaries(named: Sequence[tuple[str, Summary]]) -> list[Summary]:
                 while text in methods:  # folders of one name
                     text += "'"
                 methods[text] = method
-        shared = group[0][1]
-        for _, summary in group:  # what only evaluations with methods that sample lights have
-            shared = {name: summary[name] for name in ("sample_reasons",) if name in summary} | shared
-        merged.append({**shared, "methods": methods})
+        merged.append({**group[0][1], "methods": methods})
     return merged
 
 
@@ -552,7 +553,7 @@ def reuse_html(
     images = images or ReuseImages(None, NO_IMAGES)
     data = _page_data(summary, rows)
     if images.data is not None:
-        text = f"{images.text} {MAPS}" if "sample_reasons" in summary else images.text
+        text = f"{images.text} {MAPS}" if any("samples" in m for m in summary["methods"].values()) else images.text
         data |= {"images": images.data, "viewer": _viewer_data(summary, rows, text)}
     name = summary["scene"]["name"]
     best = verdict(summary)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +17,20 @@ from taubench_gl.outputs import cannot_write, write_atomically
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.contract import Method, Value
 from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.generated import INTERPOLATE
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
-from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
+from taubench_gl.reuse.synthetic import FPS, Uploader, camera_at, render_view, synthetic_steps
 from taubench_gl.scene.build import NodeList
 from taubench_gl.scene.model import Camera, Channel, Light, Material, Mesh, Primitive, Scene
 from taubench_gl.settings import Settings
 
 SIZE, FRAMES, CUT_AT, NOISE = (96, 54), 12, 8, 0.3
+EVERY = 4
+"""Of methods that generate frames: one of this many is rendered, so that they run at phases 0, 1/4, 1/2 and 3/4."""
+
 _TEMPLATE = PACKAGE / "reuse" / "template"
 
 
@@ -34,7 +38,8 @@ _TEMPLATE = PACKAGE / "reuse" / "template"
 class CheckReport:
     """Result of a test run.  Errors are RMS errors of linear radiance against the noise-free frames.
 
-    ``error_without_reuse``: of the noisy frames themselves, None for a method that computes its direct light itself.
+    ``error_without_reuse``: of the noisy frames themselves, or of the last rendered frame in place of generated ones;
+    None for a method that computes its direct light itself.
     """
 
     method: Method
@@ -48,20 +53,22 @@ class CheckReport:
 def check_method(
     gpu: Gpu, source: str | Path | type | Method, settings: Mapping[str, Value] | None = None
 ) -> CheckReport:
-    """Run a method, as for ``load_method``, over FRAMES noisy frames with a cut.  Raises MethodError."""
+    """Run a method, as for ``load_method``, over FRAMES noisy frames with a cut; one that generates frames over FRAMES
+    rendered ones without noise and those between them, which alone have an error.  Raises MethodError."""
     method = load_method(source)
     squares, plain, reused = [], [], []
-    frames = _lit_frames(gpu, method) if method.own_light else _synthetic_frames(gpu)
+    frames = _lit_frames(gpu, method) if method.own_light else _synthetic_frames(gpu, method.generates)
     with MethodRunner(gpu, method, SIZE, settings) as runner, contextlib.closing(frames):
-        for frame, noisy, clean in frames:
+        for frame, shown, clean in frames:
             result = read_result(runner.step(frame))
-            squares.append(np.mean((result[..., :3] - clean) ** 2, dtype=np.float64))
-            plain += [] if noisy is None else [np.mean((noisy - clean) ** 2)]
             reused.append(result[..., 3])
+            if frame.phase > 0 or not method.generates:
+                squares.append(np.mean((result[..., :3] - clean) ** 2, dtype=np.float64))
+                plain += [] if shown is None else [np.mean((shown - clean) ** 2)]
     weight = np.stack(reused)
     return CheckReport(
         method=method,
-        frames=FRAMES,
+        frames=len(reused),
         size=SIZE,
         error=float(np.sqrt(np.mean(squares))),
         error_without_reuse=float(np.sqrt(np.mean(plain))) if plain else None,
@@ -69,11 +76,19 @@ def check_method(
     )
 
 
-def _synthetic_frames(gpu: Gpu) -> Iterator[tuple[FrameInputs, np.ndarray, np.ndarray]]:
-    """Inputs, noisy and clean radiance of each frame."""
+def _synthetic_frames(gpu: Gpu, generates: str | None) -> Iterator[tuple[FrameInputs, np.ndarray, np.ndarray]]:
+    """Inputs, the radiance of the last rendered frame, and clean radiance of each displayed frame."""
+    every, noise, cut = (EVERY, 0.0, None) if generates else (1, NOISE, CUT_AT)
+    steps = list(synthetic_steps(SIZE, FRAMES, noise=noise, cut_at=cut))
     with Uploader(gpu, SIZE) as uploader:
-        for step in synthetic_steps(SIZE, FRAMES, noise=NOISE, cut_at=CUT_AT):
-            yield uploader.frame(step), step.inputs["radiance"][..., :3], step.clean
+        for number in range((FRAMES - 1) * every + 1):
+            last, part = divmod(number, every)
+            frame = uploader.frame(steps[last + (part > 0 and generates == INTERPOLATE)])
+            clean, time = steps[last].clean, number / every / FPS
+            if part:
+                frame = replace(frame, phase=part / every, shown=camera_at(time))
+                clean = render_view(frame.shown, time, SIZE)["radiance"]
+            yield replace(frame, index=number), steps[last].inputs["radiance"][..., :3], clean
 
 
 def _lit_frames(gpu: Gpu, method: Method) -> Iterator[tuple[FrameInputs, None, np.ndarray]]:

@@ -34,7 +34,7 @@ from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import EYE_INPUTS, FrameInputs, read_result
-from taubench_gl.reuse.generated import BASELINE, INTERPOLATE, GeneratedInputs, all_generate, latency
+from taubench_gl.reuse.generated import INTERPOLATE, LAST_RENDERED, GeneratedInputs, add_generated, all_generate
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import FrameRequest, Inputs, OtherEye, RasterInputs
 from taubench_gl.reuse.loading import MethodSpec, load_method, method_settings
@@ -79,6 +79,9 @@ errors of all methods up to this size, else those of fewer frames."""
 
 _EXACT_BYTES = 12
 """Bytes of the exact mask and motion of one pixel."""
+
+FACTS = ("title", "cite", "yardstick", "generates", "settings", "memory_bytes")
+"""What reuse.json tells about a method before its scores."""
 
 MAX_SEED = 65535
 
@@ -224,8 +227,7 @@ def evaluate_methods(
 def _check_labels(labels: Sequence[str]) -> None:
     if not labels:
         raise SettingsError("there is no method to evaluate", hint="see 'taubench-gl reuse list'")
-    if len(set(labels)) < len(labels):
-        twice = next(label for label in labels if labels.count(label) > 1)
+    if twice := next((label for label in labels if labels.count(label) > 1), None):
         raise SettingsError(f"method {twice!r} is given twice", hint=TWICE)
 
 
@@ -245,9 +247,7 @@ class _MethodRun:
     spec: MethodSpec
     record: MethodRecord
     method: Method | RecordedFrames | None = None  # None: it could not be loaded
-    entry: dict[str, Any] = field(  # of reuse.json, before any frame
-        default_factory=lambda: {"title": None, "cite": [], "yardstick": None, "settings": None, "memory_bytes": None}
-    )
+    entry: dict[str, Any] = field(default_factory=lambda: dict.fromkeys(FACTS) | {"cite": []})
     runner: MethodRunner | RecordedRunner | None = None
     eye: MethodRunner | None = None  # of the other eye, of a method that asks for both histories
     samples: SampleRecord | None = None  # of a method that samples lights
@@ -269,7 +269,7 @@ class _MethodRun:
         else:
             self.method = load_method(source)
             self.entry |= {"title": self.method.title, "cite": list(self.method.cite)}
-            self.entry["yardstick"] = self.method.yardstick
+            self.entry |= {"yardstick": self.method.yardstick, "generates": self.method.generates}
 
     def open(self, inputs: Inputs, seed: int) -> None:
         """The runner for ``inputs``, whose random numbers are those of ``seed``; one that is open begins again."""
@@ -365,7 +365,9 @@ class _Evaluator:
             self._reference = owner.own(SupersampledReference(of_camera, request.reference_samples))
         else:
             self._reference = FileReference(inputs, request.reference, self._inputs.output_size, self.frames)
-        self._events = EventTracker({} if inputs.scene is None else self._light_changes())
+        times = (frame / self._settings.sequence.fps for frame in self.frames)
+        lights = {} if inputs.scene is None else census(inputs.scene, times, inputs.animated.poser)["lights_per_frame"]
+        self._events = EventTracker(lights)
         for run in self.runs:
             owner.own(run)
         self._open_runners(self.seeds[0])
@@ -376,8 +378,8 @@ class _Evaluator:
 
     def _load(self, specs: Sequence[MethodSpec]) -> list[_MethodRun]:
         """The loaded methods; beside those that generate frames the last rendered frame.  Raises SettingsError."""
-        request, fps = self._request, self._settings.sequence.fps
-        perceptual = open_perceptual(request.metrics, fps)
+        request, labels = self._request, [spec.label for spec in specs]
+        perceptual = open_perceptual(request.metrics, self._settings.sequence.fps)
 
         def load(spec: MethodSpec) -> _MethodRun:
             run = _MethodRun(spec, MethodRecord(spec.label, frozenset(request.metrics), True, perceptual=perceptual))
@@ -390,9 +392,7 @@ class _Evaluator:
         if self._generates:
             # The first intervals between rendered frames are left out.
             self.warmup *= request.render_every - 1
-            runs += [] if any(spec.label == BASELINE for spec in specs) else [load(MethodSpec(BASELINE, BASELINE))]
-            for run in runs:
-                run.entry["latency"] = run.method and latency(run.method, request.render_every, fps)
+            runs += [] if LAST_RENDERED in labels else [load(MethodSpec(LAST_RENDERED, LAST_RENDERED))]
         return runs
 
     @property
@@ -415,37 +415,28 @@ class _Evaluator:
             message = f"warmup is {self.warmup}, and there are {len(self.frames)} frames"
             raise SettingsError(message, hint="select more --frames or a smaller --warmup")
 
-    def _light_changes(self) -> dict[str, list[int]]:
-        """Numbers of lights that are born, moved and killed from each frame to the next."""
-        request = self._input_request
-        times = (frame / self._settings.sequence.fps for frame in self.frames)
-        return census(request.scene, times, request.animated.poser)["lights_per_frame"]
-
     def _open_inputs(self) -> None:
         request = self._input_request
         method_reads = {name for run in self.runs if isinstance(run.method, Method) for name in run.method.reads}
         reads, cuts = (method_reads | set(_EVALUATION_READS)) - {REFERENCE_INPUT}, self._request.cuts
+        traced = self._reference if request.kind.path_samples else None
         if self._generates:
             kinds = [run.method.generates for run in self.runs if run.method is not None]
-            exact = self._reference if request.kind.path_samples else None
-            inputs = GeneratedInputs(request, reads - {"exact_mask"}, kinds, self._request.render_every, exact)
+            inputs = GeneratedInputs(request, reads - {"exact_mask"}, kinds, self._request.render_every, traced)
         elif request.kind.files is not None:
             inputs = FileInputs(request, reads, cuts=cuts, exact=self._request.reference)
         else:
-            exact = self._reference if request.kind.path_samples else True
-            inputs = RasterInputs(request, reads, cuts=cuts, exact=exact)
-        self._inputs, self._eye = self._owner.own(inputs), None
-        if self._settings.metrics.history == "both":
-            self._eye = self._owner.own(OtherEye(inputs, cuts))
+            inputs = RasterInputs(request, reads, cuts=cuts, exact=traced or True)
+        self._inputs, both = self._owner.own(inputs), self._settings.metrics.history == "both"
+        self._eye = self._owner.own(OtherEye(inputs, cuts)) if both else None
         self.frames = inputs.frames
         width, height = inputs.output_size
         kept = _EXACT_BYTES * width * height * len(self.frames)
         inputs.keeps_exact = len(self.seeds) > 1 and kept <= KEPT_REFERENCE_BYTES
-        # Else methods that read the reference fail with its name.
-        same = inputs.size == inputs.output_size
         if REFERENCE_INPUT in method_reads and inputs.stereo:
             raise SettingsError("a method reads the reference, which the other eye lacks", hint="give --history frame")
-        if REFERENCE_INPUT in method_reads and self._reference_texture is None and same:
+        # Else methods that read the reference fail with its name.
+        if REFERENCE_INPUT in method_reads and inputs.size == inputs.output_size:
             self._reference_texture = self._owner.own(inputs.gpu.texture(inputs.size))
 
     def _open_runners(self, seed: int) -> None:
@@ -606,6 +597,9 @@ class _Evaluator:
         width, height = self._inputs.output_size
         scene, settings = self._input_request.scene, self._settings.replace(width=width, height=height)
         clock = PassTimer.clock
+        methods = {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs}
+        if self._generates:
+            add_generated(methods, self._request.render_every, settings.sequence.fps)
         described = self._inputs.describe()
         if described["seed"] is not None:
             described["seed"] = self.seeds[0]
@@ -630,19 +624,14 @@ class _Evaluator:
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
             "events": {name: doc for name, (*_, doc) in EVENTS.items()},
             "clock": clock,
-            "methods": {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs},
-        } | self._sample_reasons()  # fmt: skip
+            "methods": methods,
+            "sample_reasons": {name: doc for name, (*_, doc) in REASONS.items()},
+        }  # fmt: skip
 
     def _of_samples(self, run: _MethodRun) -> dict[str, Any]:
         """The block of a method that samples lights."""
         measured = run.samples is not None and run.record.failed is None
         return {"samples": run.samples.summary()} if measured else {}
-
-    def _sample_reasons(self) -> dict[str, Any]:
-        """What the reasons of blocks ``samples`` mean, where a method has one."""
-        if all(run.samples is None for run in self.runs):
-            return {}
-        return {"sample_reasons": {name: doc for name, (*_, doc) in REASONS.items()}}
 
 
 def _nearest(image: Array, size: tuple[int, int]) -> Array:

@@ -15,7 +15,7 @@ from taubench_gl.lobes import REUSE_INPUTS
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
 from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene
-from taubench_gl.pathtraced.passes import PathTracedFrame
+from taubench_gl.pathtraced.passes import PathTracedFrame, linear_radiance
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.reuse.contract import LIGHTS
@@ -145,7 +145,7 @@ class FileInputs(Inputs):
     def _arrays(self, where: str) -> dict[str, Array]:
         """Inputs that are computed from the passes of the current frame, (h, w, components) float32."""
         passes, exposure = self.source.frame, np.float32(self.settings.lighting.exposure_factor)
-        radiance = passes.linear_radiance(float(exposure), where)
+        radiance = linear_radiance(passes.combined, passes.mapping, float(exposure), where)
         shaded = np.ones((*radiance.shape[:2], 1), dtype=np.float32)
         out = {"radiance": radiance}
         if "direct" in self._uploaded:

@@ -6,7 +6,7 @@ history of inputs are between rendered frames.  Exact masks compare a generated 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,11 +17,11 @@ from taubench_gl.evaluation import frame_range
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import Source
-from taubench_gl.reuse.contract import Method
 from taubench_gl.reuse.frame import FrameInputs
 from taubench_gl.reuse.inputs import FrameRequest, MaskPass, RasterInputs, light_settings
 
-BASELINE = "present-last"
+LAST_RENDERED = "present-last"
+"""The built-in method that displays the last rendered frame again."""
 
 EXTRAPOLATE, INTERPOLATE = "extrapolate", "interpolate"
 """Values of ``Method.generates``."""
@@ -49,14 +49,19 @@ def generated_frames(shown: range, every: int) -> list[int]:
     return [frame for frame in range(first, last) if frame % every]
 
 
-def latency(method: Method, every: int, fps: float) -> dict[str, float]:
-    """By how much a method delays the display: ``frames``, rendered ones that it waits for, and ``ms`` that every frame
-    is displayed later.
+def add_generated(methods: Mapping[str, dict[str, Any]], every: int, fps: float) -> None:
+    """Add the block ``generated`` to methods of reuse.json.
+
+    ``gain_db``: PSNR over that of LAST_RENDERED, None where one failed; ``latency_frames``: rendered ones that the
+    display waits for; ``latency_ms``: by which every frame is displayed later.
 
     A method that interpolates displays the first frame of an interval when the rendered frame at its end is there.
     """
-    waits = method.generates == INTERPOLATE
-    return {"frames": int(waits), "ms": 1000.0 * (every - 1) / fps if waits else 0.0}
+    psnr = {label: method.get("mean", {}).get("psnr_db") for label, method in methods.items()}
+    for label, method in methods.items():
+        waits, pair = method["generates"] == INTERPOLATE, (psnr[label], psnr[LAST_RENDERED])
+        delay = {"latency_frames": int(waits), "latency_ms": 1000.0 * (every - 1) / fps if waits else 0.0}
+        method["generated"] = {"gain_db": None if None in pair else pair[0] - pair[1], **delay}
 
 
 class GeneratedInputs(GpuOwner):
@@ -110,7 +115,7 @@ class GeneratedInputs(GpuOwner):
         self._now = self._source.advance(frame - 1)
         if self._ahead is not None and self._end is None:
             self._end = self._ahead.advance(frame - 1)
-        return replace(self._now, next_rendered=self._end)
+        return self._displayed(frame - 1)
 
     def advance(self, frame: int) -> FrameInputs:
         """The inputs of the generated ``frame``; textures are valid until the next rendered one."""
@@ -122,7 +127,11 @@ class GeneratedInputs(GpuOwner):
         view = self._exact.advance(frame)
         self._masks.run(reprojection(view.centered(), before.centered(), *self.size), 0)
         camera = self.request.animated.view_at(frame / self.settings.sequence.fps)
-        change = {"index": frame - self.frames[0] + 1, "phase": step / self._every, "shown": camera}
+        return self._displayed(frame, phase=step / self._every, shown=camera)
+
+    def _displayed(self, frame: int, **change: Any) -> FrameInputs:
+        """The inputs of the last rendered frame, and beside them of the next one, as those of ``frame``."""
+        change["index"] = frame - self.frames[0] + 1
         return replace(self._now, **change, next_rendered=self._end and replace(self._end, **change))
 
     def shading_ms(self) -> float | None:

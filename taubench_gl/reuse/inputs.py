@@ -145,7 +145,9 @@ class Inputs(GpuOwner):
 
         Where the history is the other eye (``stereo``), that eye in ``frame``, which itself has no history.
         """
-        return None
+        if not self.stereo:
+            return None
+        return self._inputs_of(frame, frame + OTHER_EYE, self.source.advance_eye(frame), cut=True)
 
     @property
     def stereo(self) -> bool:
@@ -358,11 +360,6 @@ class RasterInputs(Inputs):
             self.reshade.run((frame, before), pair, masks, self.kind.seed, not declared)
             out |= self.reshade.textures
         return out
-
-    def before(self, frame: int) -> FrameInputs | None:
-        if not self.stereo:
-            return None
-        return self._inputs_of(frame, frame + OTHER_EYE, self.source.advance_eye(frame), cut=True)
 
     def _draw(self, frame: int) -> View:
         return self.source.advance_camera(frame) if self.stereo else super()._draw(frame)

@@ -36,13 +36,6 @@ def builtin_methods() -> tuple[str, ...]:
     return tuple(sorted(p.name for p in BUILTIN.iterdir() if (p / FILE).is_file() or (p / f"{p.name}.py").is_file()))
 
 
-def frame_methods() -> tuple[str, ...]:
-    """Names of the built-in methods that reuse shaded frames; the others compute their direct light themselves, or
-    generate frames."""
-    methods = [load_method(name) for name in builtin_methods()]
-    return tuple(method.name for method in methods if not method.own_light and method.generates is None)
-
-
 def installed_methods() -> dict[str, str]:
     """Entry points of other packages: name -> ``package.module:attribute``."""
     return {point.name: point.value for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}

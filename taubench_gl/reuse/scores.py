@@ -371,7 +371,7 @@ class MethodRecord:
                 small = f"the image is smaller than SSIM's window of {quality.SSIM_SIDE} pixels"
                 change = "no pixel is reusable by the exact mask" if self.in_turn else NOT_IN_TURN
                 reasons = {"ssim": small, "flicker": change, "warp_error": change}
-                reasons |= {} if self.in_turn else {"tpsnr_db": NOT_IN_TURN}
+                reasons["tpsnr_db"] = EQUAL if self.in_turn else NOT_IN_TURN
                 reasons["lpips"] = f"the image is smaller than {LPIPS_SIDE} pixels, the least for LPIPS"
                 reasons["relmse_trimmed"] = "the first reference image is black: it gives no exposure"
                 reasons["hdr_flip"] = "no reference frame has light, which gives the exposures"

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from taubench_gl.data_files import Fault
 from taubench_gl.errors import SceneError, TaubenchError
 from taubench_gl.memory_budget import limit, over, shown_bytes
 from taubench_gl.scene.environment import environment_bytes
@@ -84,14 +83,14 @@ def memory_of(scene: Scene) -> dict[str, int]:
     return out
 
 
-def within_memory(scene: Scene, fault: Fault = SceneError) -> Scene:
-    """``scene``.  Raises ``fault``, with the largest object, if it takes more than the limit."""
+def within_memory(scene: Scene) -> Scene:
+    """``scene``.  Raises SceneError, with the largest object, if it takes more than the limit."""
     sums = memory_of(scene)
     if (total := sum(sums.values())) <= (most := limit()):
         return scene
     kind, name, count = max(parts(scene), key=lambda part: part[2])
     message = f"the scene would take {shown_bytes(total)} of memory, {shown_bytes(sums[kind])} of it for {kind}"
-    raise fault(f"{message}, such as {name} with {shown_bytes(count)}", where=scene.name, hint=over(most))
+    raise SceneError(f"{message}, such as {name} with {shown_bytes(count)}", where=scene.name, hint=over(most))
 
 
 def _arrays(primitive: Primitive) -> Iterable[Array]:

@@ -104,7 +104,7 @@ MASKS = {"masks-by-camera": ("camera", "nearest"), "masks-by-motion": ("motion",
 
 
 def measured(bench: Bench) -> dict[str, Any]:
-    """What RECORDED holds."""
+    """Means of the blocks of every picture, and counts of every mask, as RECORDED stores them."""
     pictures = {
         name: {channel: blocks(image).round(9).tolist() for channel, image in draw(bench).items()}
         for name, draw in PICTURES.items()

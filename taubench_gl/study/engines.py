@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Protocol
 
 from taubench_gl.data_files import opened
 from taubench_gl.errors import OutputError, SettingsError
@@ -54,45 +53,8 @@ def worker_environment(workers: int) -> dict[str, str]:
     return dict.fromkeys(THREADS_VARIABLES, threads) | memory | dict(os.environ)
 
 
-class Engine(Protocol):
-    """Runs units on workers, which have numbers.  A context manager: ``with`` starts the workers and stops them."""
-
-    def __enter__(self) -> Engine: ...
-
-    def __exit__(self, *exc: object) -> None: ...
-
-    def describe(self) -> str:
-        """What runs the units, in one phrase for messages."""
-
-    def width(self) -> int:
-        """Number of units that run at the same time."""
-
-    def idle(self) -> dict[int, str | None]:
-        """Workers that can take a unit -> the job whose scene they have loaded."""
-
-    def submit(self, worker: int, unit: Unit) -> None:
-        """Start a unit on an idle worker."""
-
-    def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
-        """Block until there is an event; ``advanced`` gets what occurs meanwhile.  Raises NoOpenGL.
-
-        Called only while units run.
-        """
-
-
-def engine(workers: int, logs: Path) -> Engine:
-    """The engine of ``workers`` processes; of this process if it is 0.  Raises SettingsError.
-
-    ``logs``: folder for the output of worker processes.
-    """
-    most = MAX_WORKERS_PER_CORE * available_cores()
-    if not 0 <= workers <= most:
-        raise SettingsError(f"workers is {workers}", hint=f"give 0 to {most}; one per core is enough")
-    return Processes(workers, logs) if workers else InProcess()
-
-
 class InProcess:
-    """Runs units here, one after another."""
+    """Runs units here, one after another.  ``with`` starts and stops an engine; its workers have numbers."""
 
     def __init__(self) -> None:
         self._worker = Worker(lambda event: self._advanced(event))
@@ -107,18 +69,26 @@ class InProcess:
         self._worker.release()
 
     def describe(self) -> str:
+        """What runs the units, in one phrase for messages."""
         return "this process"
 
     def width(self) -> int:
+        """Number of units that run at the same time."""
         return 1
 
     def idle(self) -> dict[int, str | None]:
+        """Workers that can take a unit -> the job whose scene they have loaded."""
         return {0: self._last} if self._unit is None else {}
 
     def submit(self, worker: int, unit: Unit) -> None:
+        """Start a unit on an idle worker."""
         self._unit, self._last = unit, unit.job
 
     def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
+        """Block until there is an event; ``advanced`` gets what occurs meanwhile.  Raises NoOpenGL.
+
+        Called only while units run.
+        """
         unit, self._unit, self._advanced = self._unit, None, advanced
         return [self._worker.attempt(unit)]
 
@@ -136,7 +106,10 @@ class _Process:
 
 
 class Processes:
-    """Worker processes, replaced when they die.  Their output goes to ``logs``/worker-N.log unless it is empty."""
+    """Worker processes, replaced when they die; an engine with the methods of ``InProcess``.
+
+    Their output goes to ``logs``/worker-N.log unless it is empty.
+    """
 
     def __init__(self, workers: int, logs: Path):
         self._count, self._logs = workers, logs
@@ -224,6 +197,20 @@ class Processes:
         worker.connection.close()
         if worker.log.exists() and worker.log.stat().st_size == 0:
             worker.log.unlink()
+
+
+Engine = InProcess | Processes
+
+
+def engine(workers: int, logs: Path) -> Engine:
+    """The engine of ``workers`` processes; of this process if it is 0.  Raises SettingsError.
+
+    ``logs``: folder for the output of worker processes.
+    """
+    most = MAX_WORKERS_PER_CORE * available_cores()
+    if not 0 <= workers <= most:
+        raise SettingsError(f"workers is {workers}", hint=f"give 0 to {most}; one per core is enough")
+    return Processes(workers, logs) if workers else InProcess()
 
 
 def how_it_ended(code: int) -> str:

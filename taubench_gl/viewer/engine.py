@@ -126,7 +126,7 @@ class ViewerEngine:
 
     @property
     def texture(self) -> moderngl.Texture:
-        """The image, RGBA8."""
+        """The texture of the image that is shown, RGBA8, of the size of the feed."""
         return self._display.texture
 
     @property

@@ -60,13 +60,8 @@ def start_size(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def script_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Size of a new window that a script drives: as ``bench_size``, with room for the panels beside small images."""
-    return _at_least(*bench_size(size))
-
-
-def bench_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Size of a window that is only measured: one side panel and the image, one point per pixel."""
-    return size[0] + SIDE, size[1] + BAR
+    """Size of a new window that a script drives: a side panel, the image at a point per pixel, at least LEAST_START."""
+    return _at_least(size[0] + SIDE, size[1] + BAR)
 
 
 def _at_least(width: int, height: int) -> tuple[int, int]:

@@ -65,7 +65,7 @@ class Panels:
         return self._ui.rects
 
     def reveal(self, name: str) -> None:
-        """Scroll to a control."""
+        """Scroll the panel so that the control ``name`` is in view, when panels are drawn next."""
         self._ui.reveal = name
 
     def draw(self, layout: Layout) -> None:

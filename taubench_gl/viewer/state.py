@@ -528,12 +528,12 @@ class ViewerState:
 
     @property
     def comparisons(self) -> tuple[str, ...]:
-        """Those of COMPARISONS that the method's input allows."""
+        """The members of COMPARISONS that the method's input allows, in their order."""
         return COMPARISONS if self.has_exact_frames else tuple(name for name in COMPARISONS if name != "ghost")
 
     @property
     def method_images(self) -> tuple[str, ...]:
-        """Those of METHOD_IMAGES that the method's input allows."""
+        """The members of METHOD_IMAGES that the method's input allows, in their order."""
         return METHOD_IMAGES if self.has_exact_frames else ("result",)
 
     def toggle_effect(self, effect: str) -> None:

@@ -17,7 +17,7 @@ from taubench_gl.gpu.context import Gpu, adopt_context
 from taubench_gl.viewer import prefs
 from taubench_gl.viewer.app import Viewer
 from taubench_gl.viewer.feeds import OpenRequest
-from taubench_gl.viewer.layout import bench_size, script_size, start_size
+from taubench_gl.viewer.layout import script_size, start_size
 from taubench_gl.viewer.script import ScriptRunner, parse
 
 MIN_SIZE = (320, 200)
@@ -132,8 +132,6 @@ def _size_of(session: Session) -> tuple[int, int]:
     stored = prefs.load(session.folder)[0].window if session.folder is not None else None
     sequence = session.request.settings.sequence
     for_image = start_size if session.script is None else script_size
-    if session.bench is not None:
-        for_image = bench_size
     return session.window or stored or for_image((sequence.width, sequence.height))
 
 
@@ -215,7 +213,7 @@ def _key(viewer: Viewer, key: int, action: int, mods: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Options of a viewer session, which a user, a script or a benchmark drives.
+    """Options of a viewer session, which a user or a script drives.
 
     ``window``: size in screen points, None for a fitting one; ``screenshots``: folder of screenshots and clips;
     ``folder``: where preferences are stored, None for nowhere; ``report`` prints a line.
@@ -226,16 +224,14 @@ class Session:
     window: tuple[int, int] | None = None
     screenshots: Path = Path(".")
     script: Path | None = None
-    bench: int | None = None
     folder: Path | None = None
     report: Callable[[str], None] = print
 
 
 def run_session(session: Session) -> None:
-    """Run until the user, the script or the benchmark ends.  Raises TaubenchError."""
+    """Run until the user or the script ends.  Raises TaubenchError."""
     lines = parse(session.script) if session.script is not None else None
-    automatic = lines is not None or session.bench is not None
-    window = Window(_size_of(session), vsync=not automatic)
+    window = Window(_size_of(session), vsync=lines is None)
     viewer = None
     try:
         with window.gpu:
@@ -243,13 +239,7 @@ def run_session(session: Session) -> None:
             viewer = Viewer(window.gpu, session.request, light=session.light, folder=session.folder)
             viewer.screenshots = session.screenshots
             window.attach(viewer)
-            if session.bench is not None:
-                rate = viewer.bench(session.bench, lambda: window.present(viewer))
-                width, height = viewer.engine.feed.size
-                session.report(
-                    f"{rate:.1f} frames/s at {width}x{height}, median of {session.bench}, {window.gpu.renderer}"
-                )
-            elif lines is not None:
+            if lines is not None:
                 ScriptRunner(viewer, lambda: window.step(viewer), window.resize, session.report).run(lines)
             else:
                 window.run(viewer)

@@ -30,7 +30,7 @@ def sampled(channel, t: float, fps: float) -> float:
     return float(value[0])
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=100)
 @given(rates, st.integers(1, 100_000), st.sampled_from(["float32", "float64"]))
 def test_a_step_key_is_seen_in_its_frame(fps, frame, kind):
     frames = np.arange(frame - 1, frame + 2)
@@ -38,7 +38,7 @@ def test_a_step_key_is_seen_in_its_frame(fps, frame, kind):
     assert [sampled(channel, n / fps, fps) for n in frames.tolist()] == frames.tolist()
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(rates, st.integers(1, 500))
 def test_step_keys_accumulated_in_float32(fps, count):
     steps = np.full(count, np.float32(1.0 / fps), dtype=np.float32)
@@ -49,7 +49,7 @@ def test_step_keys_accumulated_in_float32(fps, count):
     assert got == list(range(count + 1))
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=80)
 @given(rates, st.integers(0, 100_000))
 def test_keys_one_float32_step_apart_keep_their_order(fps, frame):
     """The second key is that of the frame: a hold until the frame, as some exporters write it."""
@@ -60,7 +60,7 @@ def test_keys_one_float32_step_apart_keep_their_order(fps, frame):
     assert sampled(channel, max(frame, 1) / fps, fps) == 2.0
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=80)
 @given(
     st.lists(st.sampled_from([0.0, 1e-7, 1e-4, 0.01, 0.5]), min_size=0, max_size=8),
     rates,

@@ -22,14 +22,16 @@ from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse import EvaluationRequest, evaluate_methods, fit_setting
 from taubench_gl.settings import KEYS, Settings, parse_size
 
-ADD_A_LINE = """
+ADD_LINES = """
 import sys, types
 from pathlib import Path
 source = Path({path!r}).read_text(encoding="utf-8")
-assert source.count({before!r}) == 1, source.count({before!r})
+for before in {before!r}:
+    assert source.count(before) == 1, source.count(before)
+    source = source.replace(before, {line!r} + before)
 module = types.ModuleType({module!r})
 sys.modules[{module!r}] = module
-exec(compile(source.replace({before!r}, {line!r} + {before!r}), {path!r}, "exec"), module.__dict__)
+exec(compile(source, {path!r}, "exec"), module.__dict__)
 """
 
 
@@ -39,28 +41,28 @@ def write_suite(path: Path, of_all: str = "", own: str = "") -> None:
     path.write_text('schema = "suite/1"\nname = "s"\nframes = 2\n' + of_all + case + own)
 
 
-def with_a_line(module: str, before: str, line: str, code: str) -> str:
-    """What ``code`` prints in a process in which a module of the package has one more line."""
+def with_a_line(module: str, before: tuple[str, ...], line: str, code: str) -> str:
+    """What ``code`` prints where a module of the package has one more line before each of ``before``."""
     names = {"path": str(PACKAGE / f"{module}.py"), "module": f"taubench_gl.{module}", "before": before, "line": line}
-    script = ADD_A_LINE.format(**names) + code
+    script = ADD_LINES.format(**names) + code
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-def with_the_setting(code: str) -> str:
-    """What ``code`` prints where Settings have a field ``haze``."""
+def test_a_new_setting_is_an_option_a_key_and_a_keyword(tmp_path):
+    """Of every command with light; settings have a field ``haze`` more."""
+    (tmp_path / "batch.toml").write_text('scenes = ["a.glb"]\nhaze = [0.25, 1]\n')
+    (tmp_path / "wrong.toml").write_text('scenes = ["a.glb"]\nhaze = 3\n')
+    (tmp_path / "preset.toml").write_text('schema = "taubench-gl/preset/1"\n[settings]\nhaze = 0.75\n')
+    (tmp_path / "a.glb").write_bytes(b"")
+    write_suite(tmp_path / "suite.toml", "haze = 0.25\n")
+    write_suite(tmp_path / "own.toml", "haze = 0.25\n", "haze = 1\n")
+    write_suite(tmp_path / "without.toml")
+    write_suite(tmp_path / "default.toml", "haze = 0.5\n")
+    write_suite(tmp_path / "faulty.toml", "haze = 3\n")
     line = '    haze: float = setting(0.5, "Density of the haze", at_least(0, most=2))\n'
-    return with_a_line("settings", "    light_error: float", line, code)
-
-
-def with_the_option(before: str, code: str) -> str:
-    """What ``code`` prints where the options before whose field it is have a field ``zeal``."""
-    return with_a_line("option_groups", before, '    zeal: int = setting(3, "Zeal", at_least(1, most=9))\n', code)
-
-
-def test_a_new_setting_is_an_option_of_every_command_with_light():
-    printed = with_the_setting("""
+    code = f"""
 from click.testing import CliRunner
 from taubench_gl.apps.cli import cli
 def options(group):
@@ -75,24 +77,6 @@ for help in ("--help", "--help-all"):
     text = " ".join(CliRunner().invoke(cli, ["evaluate", help]).output.split())
     print(help, "--haze" in text, "Density of the haze. [default: 0.5]" in text)
 print(CliRunner().invoke(cli, ["evaluate", "a.glb", "--haze", "3"], standalone_mode=False).exception)
-""")
-    for name in ("evaluate", "view", "cost", "export", "fit"):
-        assert f"{name} --haze" in printed
-    assert "--help False False" in printed and "--help-all True True" in printed
-    assert "--haze is 3.0 (give 0 to 2)" in printed
-
-
-def test_a_new_setting_is_a_key_and_a_keyword(tmp_path):
-    (tmp_path / "batch.toml").write_text('scenes = ["a.glb"]\nhaze = [0.25, 1]\n')
-    (tmp_path / "wrong.toml").write_text('scenes = ["a.glb"]\nhaze = 3\n')
-    (tmp_path / "preset.toml").write_text('schema = "taubench-gl/preset/1"\n[settings]\nhaze = 0.75\n')
-    (tmp_path / "a.glb").write_bytes(b"")
-    write_suite(tmp_path / "suite.toml", "haze = 0.25\n")
-    write_suite(tmp_path / "own.toml", "haze = 0.25\n", "haze = 1\n")
-    write_suite(tmp_path / "without.toml")
-    write_suite(tmp_path / "default.toml", "haze = 0.5\n")
-    write_suite(tmp_path / "faulty.toml", "haze = 3\n")
-    printed = with_the_setting(f"""
 import taubench_gl as tb
 from taubench_gl.batch.spec import read_spec
 folder = Path({str(tmp_path)!r})
@@ -116,24 +100,31 @@ import sys
 sys.path.append({str(PACKAGE.parent / "tools")!r})
 from reference_pages import settings_table
 print([line for line in settings_table() if "haze" in line])
-""")
+"""
+    printed = with_a_line("settings", ("    light_error: float",), line, code)
+    for name in ("evaluate", "view", "cost", "export", "fit"):
+        assert f"{name} --haze" in printed
+    assert "--help False False" in printed and "--help-all True True" in printed
+    assert "--haze is 3.0 (give 0 to 2)" in printed
     assert "batch [0.25, 1.0]" in printed and "preset {'haze': 0.75}" in printed and "keyword 1.5 0.5" in printed
     assert "suites [0.25, 1.0, 0.5, 0.5]" in printed and "hashes 3 True" in printed
-    assert printed.count("haze is 3") == 3 and "Density of the haze |" in printed
+    assert printed.count("haze is 3") == 4 and "Density of the haze |" in printed
 
 
-def test_a_new_option_of_reuse_is_a_keyword_and_a_key_of_suites(tmp_path):
+def test_a_new_option_of_reuse_and_of_cost_is_a_keyword_and_a_key_of_suites(tmp_path):
+    """The options of both have a field ``zeal`` more."""
     for name, value in (("suite", 4), ("default", 3), ("wrong", 10)):
         write_suite(tmp_path / f"{name}.toml", f"zeal = {value}\n")
-    printed = with_the_option(
-        "    metrics: tuple",
-        f"""
+    line = '    zeal: int = setting(3, "Zeal", at_least(1, most=9))\n'
+    code = f"""
 from taubench_gl.apps.cli import cli
 from taubench_gl.benchmark.suite import read_suite
+from taubench_gl.cost import cost
 from taubench_gl.errors import SettingsError
 from taubench_gl.reuse import evaluate_methods
 reuse = cli.commands["reuse"].commands
 print("options", [any(p.name == "zeal" for p in reuse[name].params) for name in ("evaluate", "fit")])
+print("cost", [p.default for p in cli.commands["cost"].params if p.name == "zeal"])
 folder = Path({str(tmp_path)!r})
 suite, default = (read_suite(folder / f"{{name}}.toml").cases[0] for name in ("suite", "default"))
 print("suite", suite.request.zeal, default.request.zeal, suite.identity("") == default.identity(""))
@@ -141,33 +132,18 @@ for call in (
     lambda: evaluate_methods("a.glb", ["none"], zeal=0),
     lambda: evaluate_methods("a.glb", ["none"], zeel=3),
     lambda: read_suite(folder / "wrong.toml"),
+    lambda: cost("a.glb", out="nowhere", zeal=0),
+    lambda: cost("a.glb", out="nowhere", zeel=2),
 ):
     try:
         call()
     except SettingsError as error:
         print(error)
-""",
-    )
-    assert "options [True, True]" in printed and "suite 4 3 False" in printed
-    assert "zeal is 0" in printed and "did you mean zeal?" in printed and "zeal is 10" in printed
-
-
-def test_a_new_option_of_cost_is_a_keyword():
-    printed = with_the_option(
-        "    repeats: int",
-        """
-from taubench_gl.apps.cli import cli
-from taubench_gl.cost import cost
-from taubench_gl.errors import SettingsError
-print("option", [p.default for p in cli.commands["cost"].params if p.name == "zeal"])
-for options in ({"zeal": 0}, {"zeel": 2}):
-    try:
-        cost("a.glb", out="nowhere", **options)
-    except SettingsError as error:
-        print(error)
-""",
-    )
-    assert "option [3]" in printed and "zeal is 0" in printed and "no setting is named 'zeel'" in printed
+"""
+    printed = with_a_line("option_groups", ("    metrics: tuple", "    repeats: int"), line, code)
+    assert "options [True, True]" in printed and "cost [3]" in printed and "suite 4 3 False" in printed
+    assert printed.count("zeal is 0") == 2 and "zeal is 10" in printed
+    assert "did you mean zeal?" in printed and "no setting is named 'zeel'" in printed
 
 
 def test_functions_do_not_state_defaults_of_options():

@@ -10,7 +10,7 @@ import pytest
 from taubench_gl.apps import progress, stages
 from taubench_gl.apps.progress import ProgressBar, StudyScreen
 from taubench_gl.apps.stages import Stages
-from taubench_gl.stage_log import lasting
+from taubench_gl.stage_log import lasting, progressed
 
 
 @pytest.fixture
@@ -80,9 +80,9 @@ def test_work_that_goes_on_is_a_line_again_until_it_ends(logged, monkeypatch):
         timer.fire()
 
     logger.setLevel(logging.DEBUG)
-    with lasting(logger, "decoding %d images", 4) as advance:
+    with lasting(logger, "decoding %d images", 4):
         fire()
-        advance(0.25)
+        progressed(0.25)
         fire()  # 11 seconds after it began
         assert said.pop() == "decoding 4 images ... 11 s, about 33 s left" and said.pop() == "decoding 4 images ..."
     handler.begin()
@@ -107,8 +107,8 @@ def test_a_bar_has_the_text_of_the_stage(logged, monkeypatch, bar, name):
     with bar:
         logged[1].info("metering the exposure in %d frames", 9)
         assert shown[-1] == (name, 0, None, "metering the exposure in 9 frames")
-        with lasting(logged[1], "decoding") as advance:
-            advance(0.25)
+        with lasting(logged[1], "decoding"):
+            progressed(0.25)
     assert shown[-1] == (name, 0, None, "decoding, 25%") and logged[2] == []
 
 

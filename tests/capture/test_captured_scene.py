@@ -245,6 +245,7 @@ def test_without_the_engine_one_line_installs_it(monkeypatch, tmp_path):
 
 
 # ---------------------------------------------------------------------------------------------------- the game's own
+@pytest.mark.long
 def test_the_registrys_recorded_games(game_demos, tmp_path, monkeypatch):
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.apps.scenes_command import ARENA_NAMES

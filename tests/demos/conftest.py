@@ -14,7 +14,7 @@ from taubench_gl.demos.lessons import DEMOS
 from taubench_gl.demos.stage import LitPair, Stage
 
 SIZE = (160, 90)
-SLOW = ("cost", "lock", "reservoirs", "samples")
+SLOW = ("cost", "jitter", "lock", "noise", "reservoirs", "samples")
 
 
 class Runs:

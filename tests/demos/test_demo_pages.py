@@ -101,7 +101,7 @@ def check_slide(page: Any, where: str) -> None:
 def drive_question(demo: Demo, result: Any, page: Any) -> None:
     """Before the guess neither text, name of an image nor key shows the number, its theory or the answer's image."""
     (low, high), first = demo.text.guess, result.findings[0]
-    secrets = [first.text, first.expected_text, first.expected.source, demo.text.caption, *demo.text.look_for]
+    secrets = [first.text, first.expected_text, first.about.source, demo.text.caption, *demo.text.look_for]
     before, tree = body(page), page.locator("body").aria_snapshot()
     assert [s for s in secrets if s in before or s in tree] == []
     assert low < high and low <= first.number <= high
@@ -142,7 +142,7 @@ def drive_parameter(parameter: Any, page: Any) -> None:
     for key, i in (("Home", 0), ("End", last), ("ArrowLeft", last - 1)):
         press(page, key)
         assert page.get_attribute("#drawn", "data-value") == str(i)
-        number = f"{parameter.measured[i]:.{parameter.digits}f} {parameter.number_unit}".strip()
+        number = f"{parameter.measured[i]:.{parameter.about.digits}f} {parameter.about.number_unit}".strip()
         assert page.locator("#reading b").inner_text() == number
         drawn, stored = canvas(page), parameter.picture(i).astype(int)
         assert drawn.shape == stored.shape and np.abs(drawn - stored).mean() < 12.0  # WebP loses a little
@@ -211,7 +211,7 @@ def test_firefox_redraws_the_parameter(runs, gpu, firefox):
     script = "const s = document.getElementById('value'); s.value = arguments[0]; s.dispatchEvent(new Event('input'));"
     page.execute_script(script, [last])
     # The number of a threshold is counted from the pixels that were painted.
-    number = f"{parameter.measured[last]:.{parameter.digits}f} {parameter.number_unit}"
+    number = f"{parameter.measured[last]:.{parameter.about.digits}f} {parameter.about.number_unit}"
     assert page.execute_script("return document.querySelector('#reading b').textContent") == number
 
 

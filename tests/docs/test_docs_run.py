@@ -28,12 +28,11 @@ LEFT_OUT = {
     r"^convert|^reference render|\.(fbx|zip)\b": "needs Blender, or a file that may not be shipped: tests/pathtraced, "
     "tests/datasets",
     r"bart-museum|^scenes get": "files of the user: tests/datasets",
-    r"^reference clear \w": "the key of an example: tests/pathtraced",
     r"^evaluate valley.glb": "the stand-in takes minutes: tests/datasets",
     r"exr:(engine|one-sample)|--mapping falcor": "reads renderings of other programs: tests/pathtraced, tests/reuse",
     r"^paper|^scenes make|^benchmark (?!compare)|^cost |study/within-": "takes minutes: tests/paper, tests/datasets, "
     "tests/benchmark, tests/cost",
-    r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, test_tour.py, drivers",
+    r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, selftest, drivers",
     r"^conformance score": "reads frames of an engine: tests/conformance",
     r"^capture": "needs a recording and the game's data: tests/capture",
     r"\bpairs\d|exr:denoised": "a walk through another program: tests/export/test_sequences_elsewhere.py",
@@ -80,7 +79,7 @@ FIRST = {
 """Commands that write what an example (regular expression) reads."""
 
 QUICK = (
-    r"^(inspect scene.glb|completion|scenes|benchmark|reference (check|list|clear)|demo$|reject list)"
+    r"^(inspect scene.glb|completion|scenes|benchmark|reference list|demo$|reject list)"
     r"|^reuse (list|show|new)|^stress .*headset"
 )
 """Examples of other pages in the normal run."""
@@ -88,8 +87,8 @@ QUICK = (
 FIRST_PAGE = "README.md"
 """The page whose examples are in the normal run, but for those of TWICE."""
 
-TWICE = r"^(stress .*--sweep|batch .*--workers)"
-"""Examples of that page that run only with --long: tests/datasets and tests/batch run the same on other files."""
+TWICE = r"^(stress .*--sweep|batch .*--workers|reuse fit|reuse evaluate .*fsr2-class)"
+"""Examples of that page that run only with --long: the tests of these packages run the same on other files."""
 
 PYTHON = {
     "README.md": {

@@ -8,26 +8,23 @@ import re
 import shutil
 import subprocess
 import sys
-from collections import Counter
 from pathlib import Path
 
 import pytest
 
 import taubench_gl
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
+pytestmark = [pytest.mark.usefixtures("fixed_light"), pytest.mark.long]
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
-from docs_pages import LIVE, home_page, separate_lists  # noqa: E402
+from docs_pages import LIVE, home_page  # noqa: E402
 from live_pages import CARD, LESSONS, METHODS_PAGES, RUN  # noqa: E402
 
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 OPTIONS = re.search(r"-m mkdocs (.*)", (ROOT / "tools" / "docs").read_text())[1].replace('"$@"', "").split()
 """Options of MkDocs in tools/docs."""
-BLOCKS = re.compile(r"<(h[1-6]|table|tr|td|th|ul|ol|li|pre|a|img)\b")
-
 pytest.importorskip("material", reason="mkdocs-material is not installed")
 
 
@@ -111,22 +108,6 @@ def test_broken_links_and_forgotten_pages_end_the_build(tmp_path: Path):
     assert forgotten.returncode == 1 and "other.md" in forgotten.stderr
 
 
-def test_pages_have_the_blocks_of_commonmark():
-    """The site's renderer needs more empty lines than a repository browser: it must not lose lists or tables."""
-    import markdown
-    from markdown_it import MarkdownIt
-
-    common, site = MarkdownIt("commonmark").enable("table"), ["tables", "sane_lists", "pymdownx.superfences"]
-    differences = {}
-    for page in PAGES:
-        text = page.read_text(encoding="utf-8")
-        expected = Counter(BLOCKS.findall(common.render(text)))
-        found = Counter(BLOCKS.findall(markdown.markdown(separate_lists(text), extensions=site)))
-        if expected != found:
-            differences[page.name] = (expected - found, found - expected)
-    assert not differences
-
-
 @pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
 def test_search_works_from_files_and_nothing_is_requested(site: Path, browser, size):
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
@@ -149,21 +130,3 @@ def test_search_works_from_files_and_nothing_is_requested(site: Path, browser, s
     assert not messages and requests
     assert [url for url in requests if not url.startswith(("file:", "data:", "blob:", "about:"))] == []
     page.close()
-
-
-@pytest.mark.parametrize("name", ["index", "walks", "run/report"])
-def test_both_browsers_open_the_site(site: Path, both_browsers, name):
-    """The home page with its live report, a page of text, and the report alone."""
-    both_browsers(site / f"{name}.html", "main")
-
-
-@pytest.mark.long
-def test_search_works_in_firefox(site: Path, firefox):
-    from marionette_driver import By, Wait
-
-    page = firefox(site / "gallery.html", "input.md-search__input")
-    box = page.find_element(By.CSS_SELECTOR, "input.md-search__input")
-    box.click()
-    box.send_keys("newly occluding")
-    links = "return [...document.querySelectorAll('.md-search-result__link')].map((a) => a.getAttribute('href'))"
-    Wait(page, timeout=60).until(lambda d: any("glossary.html" in link for link in d.execute_script(links)))

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("fixed_light")
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SMALL: dict[str, Any] = {"size": "32x18", "light_unit": "candela", "exposure": 1, "shadow_size": 64, "probes": 32}
-EDITS = 25
+EDITS = 6
 
 KINDS: dict[str, dict[str, Any]] = {
     "strata": {"frames": range(15), "pairs": "strata:5"},

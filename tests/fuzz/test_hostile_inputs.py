@@ -184,6 +184,7 @@ def png(path: Path, side: int) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_the_largest_image_is_not_called_damaged(tmp_path):
     assert read_image(png(tmp_path / "a.png", 16384), check=True).size == (16384, 16384)
     refused(SceneError, lambda: read_image(png(tmp_path / "b.png", 16385), check=True))

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-
-from taubench_gl.gpu.context import open_gpu
-from taubench_gl.selftest import cases, run_selftest
-from taubench_gl.selftest.runner import DEFAULT_SIZE
 
 RUNNER = """
 import json, os, resource
@@ -62,30 +57,3 @@ def check(report: dict, frames: int, per_pair: int) -> None:
 @pytest.mark.long
 def test_memory_over_10000_frames(tmp_path):
     check(long_run(10_000, tmp_path), 10_000, per_pair=6 * 1024)
-
-
-def live_names(gpu) -> dict[str, int]:
-    """GL names in use below 20000, by kind, as reported by the driver."""
-    import ctypes
-
-    out = {}
-    for kind in ("Texture", "Buffer", "Framebuffer", "Program", "Shader", "VertexArray", "Sampler"):
-        is_name = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(gpu._function(f"glIs{kind}"))
-        out[kind] = sum(bool(is_name(name)) for name in range(1, 20000))
-    return out
-
-
-@pytest.mark.parametrize("step", [40, pytest.param(1, marks=pytest.mark.long)])
-def test_selftest_leaves_no_gl_object(step: int):
-    """Repeated runs of the same cases, every fortieth one or all, leave the same number of GL objects."""
-    gpu = open_gpu("egl")
-    names = [c.name for c in cases() if c.name != "more-than-2^24-pixels"][::step]
-    found = []
-    for _ in range(3):
-        results = run_selftest(gpu, DEFAULT_SIZE, only=names)
-        assert all(r.passed for r in results)
-        with gpu:
-            gc.collect()
-            gpu.collect()
-            found.append(live_names(gpu))
-    assert found[1] == found[2], f"each run leaves objects behind: {found}"

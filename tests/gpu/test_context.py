@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import gc
 import json
@@ -10,6 +9,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import moderngl
 import numpy as np
@@ -19,9 +19,9 @@ from repeated import few
 
 from taubench_gl.api import pairs
 from taubench_gl.errors import GraphicsError
-from taubench_gl.evaluation import Observers, evaluate_scene
+from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.gpu import context
-from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.context import SUBMITTED_TRIANGLES, Gpu, open_gpu
 from taubench_gl.gpu.timing import MAX_SAMPLES, PassTimer, probe_timer
 from taubench_gl.paths import PACKAGE
 from taubench_gl.settings import Settings
@@ -245,38 +245,6 @@ def alive_before(gpu: Gpu) -> int:
     return sum(alive(gpu).values())
 
 
-def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
-    """Textures, buffers, framebuffers and programs are all gone when an evaluation returns or raises."""
-    settings = fixed_settings(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
-
-    def stop(pair) -> None:
-        raise KeyboardInterrupt
-
-    earlier = alive_before(gpu)
-    evaluate_scene(DEMO, settings)
-    before = alive(gpu)  # the program used last is deleted, yet lives until another is used
-    assert sum(before.values()) <= earlier + 2, before
-    for look in (None, lambda pair: pair.mask, stop):
-        with contextlib.suppress(KeyboardInterrupt):
-            evaluate_scene(DEMO, settings, Observers(on_pair=look))
-        assert gpu.ctx.error == "GL_NO_ERROR"
-        assert alive(gpu) == before
-
-
-def test_a_loop_over_pairs_that_is_left_leaves_nothing_behind(gpu: Gpu) -> None:
-    settings = fixed_settings(
-        width=64, height=36, frames=(0, 3), columns=("frustum", "position", "color"), indirect="none"
-    )
-    evaluate_scene(DEMO, settings)
-    before = alive(gpu)
-    for last in (1, 9):
-        for pair in pairs(DEMO, settings):
-            if pair.frame == last:
-                break
-        assert gpu.ctx.error == "GL_NO_ERROR"
-        assert alive(gpu) == before
-
-
 def test_capability_report() -> None:
     """In a process of its own: it opens every backend there is, and two Mesas in one process are one too many."""
     code = "import json; from taubench_gl.gpu.capabilities import capability_report as r; print(json.dumps(r()))"
@@ -291,3 +259,21 @@ def test_capability_report() -> None:
     assert report["software"] == ("llvmpipe" in report["renderer"].lower())
     assert "wall clock" in report["timer"]["why"]
     assert report["libraries"]["moderngl"] and report["libraries"]["numpy"]
+
+
+@pytest.mark.parametrize("software", [True, False])
+def test_software_is_waited_for_after_so_many_triangles(software: bool) -> None:
+    """Portions end behind the draw that reaches the number, also where earlier calls have submitted a part of it."""
+    rng, waits, order = np.random.default_rng(1), [], []
+    gpu = SimpleNamespace(software=software, _submitted=0, finish=lambda: waits.append(sum(order)))
+    for count in (1, 3, 400, 1, 2000):
+        triangles = rng.integers(0, 5000, count)
+        ends = [0]
+        for first, end in Gpu.portions(gpu, triangles):
+            assert first == ends[-1] < end
+            order.extend(triangles[first:end].tolist())
+            ends.append(end)
+        assert ends[-1] == count
+    steps = np.diff([0, *waits, sum(order)])
+    assert (len(waits) == sum(order) // SUBMITTED_TRIANGLES) if software else not waits
+    assert (abs(steps[:-1] - SUBMITTED_TRIANGLES) < 5000).all()

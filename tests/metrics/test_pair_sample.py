@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations, product
 
 import numpy as np
 import pytest
-from fixed import fixed_settings
 from repeated import few
 from scipy import stats
 
-from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.pair_sample import PairSample, estimate, sample_pairs
 
 RESAMPLINGS = 200
@@ -99,46 +95,3 @@ def test_narrow_intervals_fail_the_coverage_test():
         found = estimate(sample, values[list(sample.positions)])
         hits += abs(found.mean - values.mean()) <= 0.5 * found.half_width
     assert hits / RESAMPLINGS < 0.9
-
-
-@pytest.fixture(scope="module")
-def full_run(data):
-    """All pairs of a real animation: CesiumMan, two seconds at 60 fps."""
-    path = data / "khronos" / "CesiumMan" / "CesiumMan.glb"
-    columns = ("frustum", "position", "normal")
-    return evaluate_scene(path, fixed_settings(width=64, height=36, fps=60.0, columns=columns))
-
-
-@pytest.mark.parametrize("column", ["position", "normal"])
-@pytest.mark.parametrize(("scheme", "numbers"), SCHEMES)
-def test_coverage_for_a_full_run(full_run, column, scheme, numbers):
-    values = np.array([percent(row, column) for row in full_run.frames])
-    assert len(values) > 100 and values.std() > 0
-    assert coverage(values, scheme, numbers) >= 0.9
-
-
-def test_two_stages_against_all_samples():
-    """3 of 5 pairs, 2 of 4 pixels of each: the mean of the estimated variance is the variance of the mean."""
-    every = np.random.default_rng(4).random((5, 4)) < 0.4
-    subsets = list(combinations(range(4), 2))
-    means, variances = [], []
-    for pairs in combinations(range(5), 3):
-        for pixels in product(subsets, repeat=3):
-            values = np.array([every[p, list(at)] for p, at in zip(pairs, pixels)], dtype=float)
-            rate = values.mean(axis=1)
-            within = (1 - 2 / 4) * rate * (1 - rate)  # (1 - m / M) p (1 - p) / (m - 1), m = 2
-            found = estimate(PairSample(5, ((5, pairs),)), rate, within=within)
-            alone = (1 - 3 / 5) * rate.var(ddof=1) / 3
-            variance = alone + within.mean() / 5
-            freedom = variance**2 / (alone**2 / 2) if alone else np.inf
-            half = stats.t.ppf(0.975, freedom) * math.sqrt(variance) if variance else 0.0
-            assert found.half_width == pytest.approx(half, rel=1e-9)
-            means.append(found.mean)
-            variances.append(variance)
-    assert np.mean(means) == pytest.approx(every.mean(), rel=1e-12)
-    assert np.mean(variances) == pytest.approx(np.var(means), rel=1e-9)
-
-
-def test_pixels_alone_have_the_interval_of_the_normal_distribution():
-    found = estimate(sample_pairs(4, "all"), np.array([1.0, 2.0, 3.0, 4.0]), within=np.array([0.4, 0.2, 0.6, 0.4]))
-    assert found.half_width == pytest.approx(stats.norm.ppf(0.975) * math.sqrt(1.6) / 4, rel=1e-12)

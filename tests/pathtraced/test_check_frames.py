@@ -45,6 +45,7 @@ RIGHT = {  # set -> mapping, camera, exit code, wrong conventions, answers of th
 }  # fmt: skip
 
 
+MOVING_PERCENT = {"engine/ok": (4, 6), "engine/camonly": (0, 0)}
 OFF_CENTER = ("frames/5_filtered", "frames2/2_eevee_half_positions", "frames2/3_check_right_files_blamed")
 
 
@@ -58,21 +59,13 @@ def test_frames_of_real_programs(data, run, name):
     ended, summary = run(f"exr:{folder}", *arguments)
     assert (ended, set(summary["wrong"])) == (code, wrong)
     assert {c["name"]: c["answer"] for c in summary["classes"]} == classes
-    if name == "engine/ok":
+    if name in MOVING_PERCENT:  # pixels that are not judged, of which the wrong vectors have none
+        low, high = MOVING_PERCENT[name]
+        assert low <= next(c["pixels"] for c in summary["classes"] if c["name"] == MOVING) <= high
+    if name == "frames2/1_eevee45_sky":
         assert run(f"exr:{folder}", *arguments, "--allow-unjudged")[0] == 0
     notes = {v["convention"] for v in summary["verdicts"] if v["status"] == "note"}
     assert ("centers" in notes) == (name in OFF_CENTER)
-
-
-def test_vectors_without_object_motion_are_told_from_right_ones(data, run):
-    """The right vectors have pixels that are not judged, the others none; neither is called right."""
-    shares = {}
-    for name in ("ok", "camonly"):
-        folder = data / "reports4" / "engine" / name
-        given = ("--mapping", folder.parent / "my.toml", "--camera-file", folder / "camera.json")
-        _, summary = run(f"exr:{folder}", *given)
-        shares[name] = next(c["pixels"] for c in summary["classes"] if c["name"] == MOVING)
-    assert shares["camonly"] == 0 and 4 < shares["ok"] < 6
 
 
 def test_another_rate_is_named(data, run):

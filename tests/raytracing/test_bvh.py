@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.frame.raytracing.bvh import LEAF_TRIANGLES, MAX_DEPTH, Tree, build, heights, skips
+from taubench_gl.frame.raytracing import bvh
+from taubench_gl.frame.raytracing.bvh import LEAF_TRIANGLES, MAX_DEPTH, Tree, build, build_over, heights, skips
 
 Array = np.ndarray
 
@@ -59,3 +60,17 @@ def test_a_tree_is_a_pure_function_of_its_boxes():
     a, b = build(low, high), build(low.copy(), high.copy())
     for name in ("low", "high", "right", "first", "count", "order"):
         assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
+
+
+def test_a_tree_over_triangles_is_that_over_their_boxes_and_says_how_far_it_is():
+    rng = np.random.default_rng(3)
+    vertices = rng.normal(size=(500_000, 3)).astype(np.float32)
+    triangles = rng.integers(0, len(vertices), (3 * bvh.AT_ONCE, 3)).astype(np.uint32)
+    done: list[int] = []
+    tree = build_over(vertices, triangles, done.append)
+    corners = vertices[triangles]
+    expected = build(corners.min(axis=1), corners.max(axis=1))
+    for name in Tree.__slots__:
+        np.testing.assert_array_equal(getattr(tree, name), getattr(expected, name))
+    assert len(done) >= 3 and done == sorted(set(done)) and done[-1] == len(triangles)
+    assert max(np.diff([0, *done])) < bvh.AT_ONCE + LEAF_TRIANGLES

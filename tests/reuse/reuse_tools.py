@@ -22,11 +22,32 @@ from taubench_gl.reuse.evaluate import Evaluation, evaluate_methods
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
-from taubench_gl.reuse.loading import BUILTIN, load_method
+from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
 
 Array = np.ndarray
+
+
+def frame_methods() -> list[str]:
+    """Names of the built-in methods that reuse shaded frames: they neither sample lights nor generate frames."""
+    methods = [load_method(name) for name in builtin_methods()]
+    return [method.name for method in methods if not method.own_light and method.generates is None]
+
+
+def blend_model() -> bytes:
+    """result = color + weight (history - color), of any size."""
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
+    value = lambda name, c: onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["h", "w", c])  # noqa: E731
+    nodes = [
+        onnx.helper.make_node("Sub", ["history", "color"], ["difference"]),
+        onnx.helper.make_node("Mul", ["weight", "difference"], ["change"]),
+        onnx.helper.make_node("Add", ["color", "change"], ["result"]),
+    ]
+    inputs = [value("color", 3), value("history", 3), value("weight", 1)]
+    graph = onnx.helper.make_graph(nodes, "blend", inputs, [value("result", 3)])
+    opset = [onnx.helper.make_opsetid("", 17)]
+    return onnx.helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
 
 
 def still_steps(size: tuple[int, int], radiances: Iterable[Array]) -> list[Step]:

@@ -7,14 +7,14 @@ import pytest
 from fixed import fixed_settings
 from reuse_scenes import passing_box, still
 from reuse_scenes import settings as small_settings
-from reuse_tools import PLAIN_GLSL, PLAIN_TOML, evaluate, play, write_method
+from reuse_tools import PLAIN_GLSL, PLAIN_TOML, evaluate, frame_methods, play, write_method
 
 from taubench_gl.metrics.blending import blend, nearest_weight
 from taubench_gl.reuse.bound import NO_HISTORY
 from taubench_gl.reuse.contract import FORMATS, Method, PassInfo
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.glsl_method import reporting_passes
-from taubench_gl.reuse.loading import frame_methods, load_method
+from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 
 pytestmark = pytest.mark.usefixtures("fixed_light")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reuse_scenes import still
-from reuse_tools import evaluate
 
 from taubench_gl.reuse.comparison import FEW_FRAMES, FEW_SEEDS, NOT_FINITE, compare_methods, over_frames, series_of
 from taubench_gl.reuse.quality import MEASURES
@@ -120,19 +118,3 @@ def test_convergence_is_by_frames_since_the_cut():
     found = compare_methods(rows, range(1, 7), cuts=(3,))["convergence"]
     assert found["starts"] == [0, 3]
     assert found["methods"] == {"a": [6.0, 3.0, 1.5], "b": [12.0, 6.0, 3.0]}
-
-
-def test_running_mean_converges_as_one_over_n_and_moving_average_to_its_plateau():
-    # Noise of a still scene, its expectation as reference: variance / n, and variance a / (2 - a).
-    alpha, settings = 0.25, {"indirect": "none"}
-    methods = ["none", "accumulate@cap=1000", f"taa_clamp@alpha={alpha}@clamping=false@weighting=false"]
-    done = evaluate(still(), methods, (0, 20), input="noisy", seeds=2, metrics=("relmse",), settings=settings)
-    plain, running, moving = (np.array(v) for v in done.summary["statistics"]["convergence"]["methods"].values())
-    variance = plain.mean()
-    n = np.arange(1, 21)
-    assert np.polyfit(np.log(n), 0.5 * np.log(running), 1)[0] == pytest.approx(-0.5, abs=0.05)
-    np.testing.assert_allclose(running * n / variance, 1.0, atol=0.15)
-    # After n frames of equal noise: a / (2 - a) + (2 - 2 a) / (2 - a) (1 - a)^(2 n), which begins with one sample.
-    expected = (alpha + (2.0 - 2.0 * alpha) * (1.0 - alpha) ** (2 * (n - 1))) / (2.0 - alpha)
-    np.testing.assert_allclose(moving / variance, expected, rtol=0.15)
-    assert done.summary["statistics"]["seeds"] == 2 and done.summary["statistics"]["frames"] == 19

@@ -9,10 +9,10 @@ import pytest
 from references.reuse_methods.caching import timewarp_px
 from references.reuse_methods.generated import accelerated, disk, extrapolation_error, interpolation_error
 from reuse_scenes import glowing
-from reuse_tools import arrays, evaluate, open_inputs, play, still_steps, write_method
+from reuse_tools import arrays, blend_model, evaluate, open_inputs, play, still_steps, write_method
 
 from taubench_gl.errors import MethodError, SettingsError
-from taubench_gl.reuse.check import write_example
+from taubench_gl.reuse.check import EVERY, FRAMES, check_method, write_example
 from taubench_gl.reuse.evaluate import Evaluation
 from taubench_gl.reuse.generated import GeneratedInputs
 from taubench_gl.reuse.helpers import Helpers
@@ -69,8 +69,10 @@ def test_a_wall_that_moves_steadily_is_generated_exactly(gpu, of_camera):
         np.testing.assert_allclose(found["interpolate"], found["reference"], atol=1e-5)
         assert np.abs(found["extrapolate"] - found["reference"]).max() == pytest.approx(SLOPE, rel=1e-3)
         assert np.abs(found["present-last"] - found["reference"]).min() == pytest.approx(SLOPE, rel=1e-3)
-    assert run.summary["methods"]["interpolate"]["latency"] == {"frames": 1, "ms": pytest.approx(1000 / FPS)}
-    assert run.summary["methods"]["extrapolate"]["latency"] == {"frames": 0, "ms": 0.0}
+    blocks = {name: method["generated"] for name, method in run.summary["methods"].items()}
+    assert blocks["interpolate"]["latency_frames"] == 1
+    assert blocks["interpolate"]["latency_ms"] == pytest.approx(1000 / FPS)
+    assert blocks["extrapolate"]["latency_frames"] == blocks["extrapolate"]["latency_ms"] == 0
 
 
 def test_positional_warp_alone_knows_the_camera_but_no_object(gpu):
@@ -174,6 +176,73 @@ def test_methods_get_rendered_frames_only(gpu, tmp_path, kind):
     first = steps[0][2]
     moved = [round((first - value) / SLOPE) for *_, value in steps]
     assert moved == ([0] * 4 + [4] * 4 if kind == "extrapolate" else [0] + [4] * 4 + [8] * 3)
+
+
+@pytest.mark.parametrize("kind", ["extrapolate", "interpolate"])
+def test_a_check_runs_every_phase(gpu, kind):
+    """In the order of display, with the camera of each frame; the error is that of generated frames alone."""
+    seen = []
+
+    class Probe:
+        generates, reads = kind, ("radiance",)
+
+        def __init__(self, size, settings):
+            pass
+
+        def step(self, frame):
+            still = np.allclose(frame["shown_clip_from_current"], frame["clip_from_current"])
+            seen.append((frame["index"], frame["phase"], still, frame["radiance"][..., :3].sum()))
+            return frame["radiance"][..., :3]
+
+    report = check_method(gpu, Probe)
+    count = (FRAMES - 1) * EVERY + 1
+    assert report.frames == count and [s[0] for s in seen] == list(range(count))
+    assert [s[1] for s in seen] == [n % EVERY / EVERY for n in range(count)]
+    assert all(still == (phase == 0) for _, phase, still, _ in seen)
+    rendered, middle = [s[3] for s in seen[::EVERY]], [s[3] for s in seen[1::EVERY]]
+    assert middle == (rendered[:-1] if kind == "extrapolate" else rendered[1:])
+    last = check_method(gpu, "present-last").error
+    assert report.error_without_reuse == pytest.approx(last)
+    assert (report.error == pytest.approx(last)) == (kind == "extrapolate")
+
+
+@pytest.mark.parametrize("kind", ["extrapolate", "interpolate"])
+def test_an_onnx_model_and_python_run_under_one_contract(gpu, kind):
+    """Pixels go on as they changed, computed by ONNX Runtime and in NumPy: exact for light that changes steadily."""
+    onnxruntime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
+
+    class Python:
+        generates, reads = kind, ("radiance",)
+
+        def __init__(self, size, settings):
+            self.before = self.last = None
+
+        def step(self, frame):
+            color, phase = frame["radiance"][..., :3].copy(), np.float32(frame["phase"])
+            if phase == 0:
+                self.before, self.last = color if self.last is None else self.last, color
+            other, weight = (self.before, -phase) if kind == "extrapolate" else (self.last, 1 - phase)
+            return self.blend(color, other, np.full_like(color[..., :1], weight))
+
+        def blend(self, color, history, weight):
+            return color + weight * (history - color)
+
+    class Model(Python):
+        def __init__(self, size, settings):
+            super().__init__(size, settings)
+            self.session = onnxruntime.InferenceSession(blend_model(), providers=["CPUExecutionProvider"])
+
+        def blend(self, color, history, weight):
+            return self.session.run(None, {"color": color, "history": history, "weight": weight})[0]
+
+    methods = [MethodSpec(name, load_method(source)) for name, source in (("python", Python), ("onnx", Model))]
+    shown, run = images(wall([float(n) for n in range(9)]), methods, 9, 4)
+    assert [run.summary["methods"][name]["generates"] for name in ("python", "onnx")] == [kind, kind]
+    for frame, found in shown.items():
+        np.testing.assert_allclose(found["onnx"], found["python"], rtol=1e-6)
+        if frame > 4:  # of the first interval, extrapolation knows one rendered frame
+            np.testing.assert_allclose(found["onnx"], found["reference"], atol=1e-4)
+            assert np.abs(found["present-last"] - found["reference"]).min() > 0.9 * SLOPE
 
 
 def test_motion_is_between_rendered_frames_and_masks_since_the_last_one(gpu):

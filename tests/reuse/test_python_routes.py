@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reuse_tools import play, write_method
+from reuse_tools import blend_model, play, write_method
 
 from taubench_gl.errors import MethodError
 from taubench_gl.reuse.helpers import Helpers
@@ -147,21 +147,6 @@ def test_the_torch_example_of_the_guide(gpu):
     image = sum(kernel[k] * image[k : k + SIZE[1]] for k in range(5))
     image = sum(kernel[k] * image[:, k : k + SIZE[0]] for k in range(5))
     np.testing.assert_allclose(results[0][..., :3], image, rtol=1e-4, atol=1e-5)
-
-
-def blend_model() -> bytes:
-    """result = color + weight (history - color), of any size."""
-    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
-    value = lambda name, c: onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["h", "w", c])  # noqa: E731
-    nodes = [
-        onnx.helper.make_node("Sub", ["history", "color"], ["difference"]),
-        onnx.helper.make_node("Mul", ["weight", "difference"], ["change"]),
-        onnx.helper.make_node("Add", ["color", "change"], ["result"]),
-    ]
-    inputs = [value("color", 3), value("history", 3), value("weight", 1)]
-    graph = onnx.helper.make_graph(nodes, "blend", inputs, [value("result", 3)])
-    opset = [onnx.helper.make_opsetid("", 17)]
-    return onnx.helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
 
 
 def test_the_onnx_example_of_the_guide(gpu, tmp_path):

@@ -24,7 +24,7 @@ from taubench_gl.reuse.scores import CLASSES
 from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Scene
 
-EVENT, LAST, FPS = 3, 30, 24.0
+EVENT, LAST, FPS = 3, 24, 24.0
 
 
 def blend(alpha: float) -> str:

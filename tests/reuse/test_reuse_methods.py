@@ -10,12 +10,12 @@ import pytest
 from references.reuse_methods import neighborhood_box, variance_box, ycocg_from_rgb
 from references.shading_rate import nearest_shaded, shaded
 from repeated import few
-from reuse_tools import display, play, still_steps
+from reuse_tools import display, frame_methods, play, still_steps
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.gpu.shader import find_source
-from taubench_gl.reuse.loading import builtin_methods, frame_methods, load_method
+from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.synthetic import LENS, render_view, synthetic_steps
 
 SIZE = (48, 27)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import random
 import re
 
 import pytest
@@ -122,24 +121,6 @@ def test_damaged_rows_are_refused(copy, change):
     (copy / "frames.csv").write_text(change(text))
     with pytest.raises(OutputError, match=r"frames\.csv"):
         load_evaluation(copy)
-
-
-def test_random_edits_of_numbers_are_refused(copy):
-    rng, whole = random.Random(1), json.loads((copy / "reuse.json").read_text())
-    for _ in range(30):
-        changed = json.loads((copy / "reuse.json").read_text())
-        block = changed[rng.choice(["settings", "methods", "statistics", "reference", "input"])]
-        while isinstance(block, dict | list) and block:
-            inner, key = block, rng.choice(list(block) if isinstance(block, dict) else range(len(block)))
-            block = block[key]
-        if not isinstance(block, int | float) or isinstance(block, bool):
-            continue
-        inner[key] = block + 1
-        (copy / "reuse.json").write_text(json.dumps(changed))
-        with pytest.raises(OutputError):
-            load_evaluation(copy)
-        (copy / "reuse.json").write_text(json.dumps(whole))
-    assert load_evaluation(copy).rows
 
 
 @pytest.mark.parametrize("kept", [[0], [0, 2, 1], [0, 1, 1], [0, 2]], ids=["empty", "swapped", "doubled", "missing"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 import pytest
 from bad_files import notes_about
@@ -11,6 +13,7 @@ from taubench_gl.animation import pose_normals, pose_vertices, sample
 from taubench_gl.effects.census import census
 from taubench_gl.errors import SceneError
 from taubench_gl.scene import load_scene
+from taubench_gl.stage_log import SHARE
 
 TRIANGLE = "f 1 2 3\n"
 
@@ -54,6 +57,12 @@ def test_each_frame_has_the_vertices_and_normals_of_its_file(waves, form):
         np.testing.assert_allclose(pose_normals(scene, state, n, primitive), expected.normals, atol=2e-7)
     found = census(scene, np.arange(6) / 24)
     assert (found["morphs_dynamic"], found["dynamic_rigid_objects"]) == (1, 0)
+
+
+def test_reading_says_how_far_it_is(waves, caplog):
+    caplog.set_level(logging.DEBUG, "taubench_gl.scene")
+    load_scene(str(waves))
+    assert [getattr(record, SHARE) for record in caplog.records if hasattr(record, SHARE)] == [i / 6 for i in range(6)]
 
 
 def test_frame_rate_suffix(waves):

@@ -63,7 +63,7 @@ def test_question_and_numbers_of_a_lesson(gpu, drive, tmp_path):
     text = driven.state.lesson
     assert demo.text.question in text and findings
     for f in findings:
-        assert f"- {f.text} {f.meaning}: expected {f.expected_text}" in text
+        assert f"- {f.text} {f.about.meaning}: expected {f.expected_text}" in text
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -93,11 +93,6 @@ def test_a_failed_expectation_is_exit_code_2(display, tmp_path):
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and f"{script}:3" in done.stderr
 
 
-def test_benchmark(display):
-    done = view(display, DEMO, *ARGUMENTS, "--bench", "3")
-    assert done.returncode == 0 and "at 96x54" in done.stdout
-
-
 def test_no_display(tmp_path):
     pytest.importorskip("glfw", reason="the viewer extra is not installed")
     if sys.platform != "linux":

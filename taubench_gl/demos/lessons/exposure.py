@@ -83,16 +83,14 @@ def run(stage: Stage) -> Measured:
         "luminance": (most, Expected.near(brightest, 0.005 * brightest)),
         "candela_per_watt": (ratio, Expected.near(LUMENS_PER_WATT, 0.01)),
         "metered_exposure": (metered, Expected.near(expected_exposure(), 0.005 * expected_exposure(), 4)),
-        "discarded": (bright.percent(Reason.DIRECT), _share(change(stage.size) > DEFAULT_THRESHOLD)),
-        "discarded_metered": (gray.percent(Reason.DIRECT), _share(metered * change(stage.size) > DEFAULT_THRESHOLD)),
+        "discarded": (bright.percent(Reason.DIRECT), Expected.share(change(stage.size) > DEFAULT_THRESHOLD)),
+        "discarded_metered": (
+            gray.percent(Reason.DIRECT),
+            Expected.share(metered * change(stage.size) > DEFAULT_THRESHOLD),
+        ),
     }
     screens = Screens(heat(luminance, most))
     return Measured(numbers, sheet, parameter, screens=screens)
-
-
-def _share(region: Array) -> Expected:
-    """The share of the pixels in a region (h, w) bool of the closed form, percent."""
-    return Expected.share(region)
 
 
 def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parameter:
@@ -105,7 +103,7 @@ def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parame
     def at(stop: float) -> tuple[Array, float, float, float]:
         region = moved * 2.0**stop > DEFAULT_THRESHOLD
         image = display_color(now[..., :3].astype(np.float64), 2.0**stop)
-        share = _share(change(stage.size) * 2.0**stop > DEFAULT_THRESHOLD)
+        share = Expected.share(change(stage.size) * 2.0**stop > DEFAULT_THRESHOLD)
         middle, slack = 0.5 * (share.low + share.high), 0.5 * (share.high - share.low)
         return painted(image, (region, rgb(Reason.DIRECT)), strength=0.45), percent(region), middle, slack + 1e-9
 

@@ -83,13 +83,14 @@ def reduced_pixels(pixels: Array, size: tuple[int, int], *, color: bool) -> Arra
         return pixels
     values = np.arange(256, dtype=np.float32) / np.float32(255.0)  # of every byte: a lookup instead of a power
     decoded = srgb_decode(values).astype(np.float32) if color else values
-    out = np.empty((*size[::-1], 4), np.float32)
+    out = np.empty((*size[::-1], 4), np.uint8)
     for k in range(4):
         band = (decoded if k < 3 else values)[pixels[..., k]]
-        out[..., k] = PIL.Image.fromarray(band).resize(size, PIL.Image.Resampling.BOX)
-    if color:
-        out[..., :3] = srgb_encode(np.clip(out[..., :3], 0.0, 1.0))
-    return np.clip(np.rint(out * 255.0), 0, 255).astype(np.uint8)
+        band = np.asarray(PIL.Image.fromarray(band).resize(size, PIL.Image.Resampling.BOX))
+        if color and k < 3:
+            band = srgb_encode(np.clip(band, 0.0, 1.0)).astype(np.float32)
+        out[..., k] = np.clip(np.rint(band * 255.0), 0, 255)
+    return out
 
 
 def atlas_pixels(

@@ -31,7 +31,7 @@ from taubench_gl.frame.raytracing.hit_tables import (
     emitter_cell_count,
     hit_slots,
 )  # fmt: skip
-from taubench_gl.frame.raytracing.trees import write_texels
+from taubench_gl.frame.raytracing.texels import write_texels
 from taubench_gl.frame.spec import bound_times
 from taubench_gl.gpu.declare import ComputePass, Resource
 from taubench_gl.scene.model import Material, Scene
@@ -87,8 +87,7 @@ class _StoredHits:
             what = "textures of ray hits"
             wanted.append(Resource.texture("hit_atlas", self.atlas.size, dtype="f1", what=what, hint=_HINT))
         self.textures: dict[str, moderngl.Texture] = {r.name: context.allocate(r) for r in wanted}
-        for at, words in static.taken():
-            write_texels(self.textures["hit_static"], at, words)
+        static.write(self.textures["hit_static"])
         colors = [image for image, color in images.items() if color]
         for viewport, texels in atlas_pixels(self.atlas, self._pixels, colors):
             self.textures["hit_atlas"].write(np.ascontiguousarray(texels), viewport=viewport)
@@ -132,7 +131,7 @@ class HitAttributes:
         self._tables = replace(stored.tables, draws=placed)
         resource = Resource.texture("hit_draws", placed.size, dtype="u4", what=_TABLES, hint=_HINT)
         self._placed = renderer.context.allocate(resource)
-        self._placed.write(placed.image())
+        write_texels(self._placed, 0, placed.texels)
         self._textures = stored.textures | {"hit_draws": self._placed}
 
     def declare(self, p: ComputePass) -> ComputePass:
@@ -177,7 +176,7 @@ class HitAttributes:
     def update(self, frame: FrameContext) -> None:
         """Take over the transforms and visibility of ``frame``."""
         if self._draws and self._tables.draws.place(frame.placement):
-            self._placed.write(self._tables.draws.image())
+            write_texels(self._placed, 0, self._tables.draws.texels)
 
     @property
     def resources(self) -> dict[str, Any]:

@@ -49,8 +49,14 @@ class Tree:
         return len(self.right)
 
 
-SAMPLED = 256
+AT_ONCE = 1 << 17
+"""Boxes that get their leaf between two reports of how far the builder is."""
+
+SAMPLED = 1024
 """The plane of a larger node is found from every n-th of its boxes, from this many to twice as many."""
+
+ONE_AXIS = 128
+"""Most boxes of a node that is split along the longest axis of their centers, without a look at the others."""
 
 FEW = 16
 """Most boxes of a node whose planes are found by sorting: a fifth of the time of bins for nodes of a few boxes."""
@@ -72,12 +78,31 @@ def build(low: Array, high: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
     """A tree over the boxes ``low``, ``high`` (T, 3), finite; T >= 1.  ``leaf``: most boxes of a leaf."""
     boxes = np.zeros((len(low), 8), np.float32)
     boxes[:, :3], boxes[:, 4:7] = low, -np.asarray(high)
-    return Tree(*_build(boxes, leaf))
+    return _build(boxes, leaf)
 
 
-def build_over(vertices: Array, triangles: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
-    """A tree over the boxes of ``triangles`` (T, 3), rows of ``vertices`` (V, 3) float32, finite; T >= 1."""
-    return Tree(*_build(_boxes(vertices, triangles), leaf))
+def build_over(vertices: Array, triangles: Array, watch: Callable[[int], None]) -> Tree:
+    """A tree over the boxes of ``triangles`` (T, 3), rows of ``vertices`` (V, 3) float32, finite; T >= 1.
+
+    ``watch`` gets the number of triangles that have their leaf, now and then.
+    """
+    return _build(_boxes(vertices, triangles), LEAF_TRIANGLES, watch)
+
+
+def _build(boxes: Array, leaf: int, watch: Callable[[int], None] = lambda done: None) -> Tree:
+    n = len(boxes)
+    size = max(2 * n - 1, 1)
+    nodes_of, order = np.empty((size, 8), np.float32), np.arange(n, dtype=np.int32)
+    right, first, count = (np.empty(size, np.int32) for _ in range(3))
+    # Ranges still to do: begin, end, depth, node whose second child this is (-1: none).
+    stack, state = np.empty((MAX_DEPTH + 64, 4), np.int64), np.array([1, 0, 0])
+    stack[0] = 0, n, 0, -1
+    while state[0]:
+        _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state)
+        watch(int(state[2]))
+    nodes = state[1]
+    # Views: what lies behind them was never touched and takes no memory, copies would at the moment when most is taken.
+    return Tree(nodes_of[:nodes, :3], -nodes_of[:nodes, 4:7], right[:nodes], first[:nodes], count[:nodes], order)
 
 
 def skips(tree: Tree) -> Array:
@@ -121,8 +146,9 @@ def _extend(box, other):
 def _measure(boxes, order, begin, end, step, center_low, scale):
     """Fill the lowest center of the boxes ``order[begin:end:step]`` along each axis, and bins for each meter.
 
-    Centers are times 2, which saves a product; 0 bins for each meter: no extent.
+    Centers are times 2, which saves a product; 0 bins for each meter: no extent, or an axis that is not looked at.
     """
+    longest = 0
     for k in range(3):
         lowest, highest = np.float32(np.inf), np.float32(-np.inf)
         for i in range(begin, end, step):
@@ -133,6 +159,11 @@ def _measure(boxes, order, begin, end, step, center_low, scale):
         scale[k] = np.float32(BINS) / extent if extent > 0 else np.float32(0)
         if not np.isfinite(scale[k]):
             scale[k] = np.float32(0)
+        if k and end - begin <= ONE_AXIS and scale[k] > 0:
+            if scale[longest] == 0 or scale[k] < scale[longest]:
+                scale[longest], longest = np.float32(0), k
+            else:
+                scale[k] = np.float32(0)
 
 
 @_inlined
@@ -180,35 +211,29 @@ def _plane_of_many(boxes, order, begin, end, step, center_low, scale, bins, coun
 
 @_compiled
 def _plane_of_few(boxes, order, begin, end, center_low, scale, at, bins, right_area, run):
-    """``_plane_of_many`` of at most FEW boxes, sorted by bin along the longest axis of their centers.
-
-    ``at``, ``bins`` (FEW,): room for that.
-    """
+    """``_plane_of_many`` of at most FEW boxes, which sorts them by bin; ``at``, ``bins`` (FEW,): room for that."""
     axis, last_bin, least_cost, n = -1, 0, np.inf, end - begin
-    longest = 0
-    for k in range(1, 3):
-        if scale[k] > 0 and (scale[longest] == 0 or scale[k] < scale[longest]):
-            longest = k
-    if scale[longest] == 0:
-        return axis, last_bin, least_cost
-    for i in range(n):
-        t = order[begin + i]
-        b, j = _bin_of(boxes, t, longest, center_low, scale), i
-        while j > 0 and bins[j - 1] > b:
-            at[j], bins[j] = at[j - 1], bins[j - 1]
-            j -= 1
-        at[j], bins[j] = t, b
-    run.fill(np.inf)
-    for i in range(n - 1, 0, -1):
-        _extend(run, boxes[at[i]])
-        right_area[i] = _area(run)
-    run.fill(np.inf)
-    for i in range(n - 1):
-        _extend(run, boxes[at[i]])
-        if bins[i] < bins[i + 1]:
-            cost = _area(run) * (i + 1) + right_area[i + 1] * (n - 1 - i)
-            if cost < least_cost:
-                axis, last_bin, least_cost = longest, bins[i], cost
+    for k in range(3):
+        if scale[k] == 0:
+            continue
+        for i in range(n):
+            t = order[begin + i]
+            b, j = _bin_of(boxes, t, k, center_low, scale), i
+            while j > 0 and bins[j - 1] > b:
+                at[j], bins[j] = at[j - 1], bins[j - 1]
+                j -= 1
+            at[j], bins[j] = t, b
+        run.fill(np.inf)
+        for i in range(n - 1, 0, -1):
+            _extend(run, boxes[at[i]])
+            right_area[i] = _area(run)
+        run.fill(np.inf)
+        for i in range(n - 1):
+            _extend(run, boxes[at[i]])
+            if bins[i] < bins[i + 1]:
+                cost = _area(run) * (i + 1) + right_area[i + 1] * (n - 1 - i)
+                if cost < least_cost:
+                    axis, last_bin, least_cost = k, bins[i], cost
     return axis, last_bin, least_cost
 
 
@@ -248,21 +273,17 @@ def _push(stack, top, begin, end, depth, parent):
 
 
 @_compiled
-def _build(boxes, leaf):
-    """The arrays of a Tree, in the order of its fields."""
-    n = len(boxes)
-    order = np.arange(n).astype(np.int32)
-    size = max(2 * n - 1, 1)
-    nodes_of, at, bin_of = np.empty((size, 8), np.float32), np.empty(FEW, np.int32), np.empty(FEW, np.int64)
-    right, first, count = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size, np.int32)
-    # Ranges still to do: begin, end, depth, node whose second child this is (-1: none).
-    stack = np.empty((MAX_DEPTH + 64, 4), np.int64)
-    _push(stack, 0, 0, n, 0, -1)
-    top, nodes = 1, 0
+def _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state):
+    """Add nodes until AT_ONCE more boxes have their leaf, or all have.
+
+    ``state``: ranges in ``stack``, nodes so far, and boxes that have their leaf.
+    """
+    top, nodes, done, end_of_call = state[0], state[1], state[2], state[2] + AT_ONCE
+    at, bin_of = np.empty(FEW, np.int32), np.empty(FEW, np.int64)
     bins, counts = np.empty((3, BINS, 8), np.float32), np.empty((3, BINS), np.int64)
     areas, run = np.empty(max(BINS, FEW)), np.empty(8, np.float32)
-    center_low, scale, spare = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(n, np.int32)
-    while top > 0:
+    center_low, scale, spare = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(len(boxes), np.int32)
+    while top > 0 and done < end_of_call:
         top -= 1
         begin, end, depth, parent = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
         node = nodes
@@ -290,6 +311,7 @@ def _build(boxes, leaf):
             if axis < 0 or split_cost >= TRIANGLE_COST * area * total:
                 first[node], count[node] = begin, total
                 _sort(order, begin, end)
+                done += total
                 continue
         middle = begin + total // 2
         if axis >= 0:
@@ -297,12 +319,12 @@ def _build(boxes, leaf):
         _push(stack, top, middle, end, depth + 1, node)
         _push(stack, top + 1, begin, middle, depth + 1, -1)
         top += 2
-    for node in range(nodes - 1, -1, -1):  # children come after their parent
-        if count[node] == 0:
-            for k in range(8):
-                nodes_of[node, k] = min(nodes_of[node + 1, k], nodes_of[right[node], k])
-    # Views: what lies behind them was never touched and takes no memory, copies would at the moment when most is taken.
-    return nodes_of[:nodes, :3], -nodes_of[:nodes, 4:7], right[:nodes], first[:nodes], count[:nodes], order
+    if top == 0:
+        for node in range(nodes - 1, -1, -1):  # children come after their parent
+            if count[node] == 0:
+                for k in range(8):
+                    nodes_of[node, k] = min(nodes_of[node + 1, k], nodes_of[right[node], k])
+    state[0], state[1], state[2] = top, nodes, done
 
 
 @_compiled

@@ -254,17 +254,13 @@ class DrawTable:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) of ``image`` in texels."""
-        return self._texels().size
+        """(width, height) in texels of an image of all records."""
+        return Texels(len(self.texels), ROW_BITS).size
 
-    def image(self) -> Array:
-        """Records of all draws as texels, (rows, 2^ROW_BITS, 4) uint32."""
-        return self._texels().rows()
-
-    def _texels(self) -> Texels:
-        table = Texels(row_bits=ROW_BITS)
-        table.add(self.rows)
-        return table
+    @property
+    def texels(self) -> Array:
+        """Records of all draws, (N, 4) uint32."""
+        return self.rows.reshape(-1, 4)
 
 
 @dataclass(slots=True)

@@ -132,12 +132,9 @@ class PosedTrees:
         starts = [lists.add(rows) for rows in self._inner]
         images = {"refit_leaves": self._leaves, "refit_corners": self._corners, "refit_inner": lists}
         for name, part in images.items():
-            rows = part.rows()
-            resource = Resource.texture(
-                name, (rows.shape[1], rows.shape[0]), dtype="u4", what="trees of moving surfaces"
-            )
+            resource = Resource.texture(name, part.size, dtype="u4", what="trees of moving surfaces")
             self._tables[name] = context.allocate(resource)
-            self._tables[name].write(rows.tobytes())
+            part.write(self._tables[name])
             self.memory[name] = resource.bytes
         self._tables["refit_jobs"] = context.gpu.ctx.buffer(reserve=JOB.dtype.itemsize, dynamic=True)
         passes = refit_passes(self._leaves.count, [len(rows) for rows in self._inner])

@@ -23,8 +23,8 @@ from taubench_gl.frame.materials import tests_alpha
 from taubench_gl.frame.raytracing import texels
 from taubench_gl.frame.raytracing.instances import SCALE_STEP, InstanceTable, instance_table
 from taubench_gl.frame.raytracing.refit import PosedTrees
-from taubench_gl.frame.raytracing.texels import INSTANCE_TEXELS, Grid, Texels
-from taubench_gl.frame.raytracing.trees import HINT, STRUCTURE, StoredTrees, Trees, write_texels
+from taubench_gl.frame.raytracing.texels import INSTANCE_TEXELS, Grid, Texels, write_texels
+from taubench_gl.frame.raytracing.trees import HINT, STRUCTURE, StoredTrees, Trees
 from taubench_gl.gpu.declare import BUFFER, IMAGE, TEXTURE, UPDATE, ComputePass, Resource, Use
 from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.shared import Held
@@ -108,7 +108,7 @@ class SceneStructure:
         total = sum(self._draws[row].index_count // 3 for row in rows)
         require_memory(self._gpu, TRIANGLE_BYTES * total, f"{STRUCTURE} of {total} triangles", HINT)
         with lasting(log, "building trees for rays: %s triangles", f"{total:,}"):
-            return StoredTrees(self._context, self._scene, self._draws, self.table, self._alpha, self._posed)
+            return StoredTrees(self._context, self._scene, self._draws, self.table, self._alpha, self._posed, total)
 
     # --- every frame
     def update(self, frame: FrameContext) -> None:

@@ -14,13 +14,15 @@ Instance   four texels: the rows of grid_from_relative, float32; first node, num
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    import moderngl
+
     from taubench_gl.frame.raytracing.bvh import Tree
 
 Array = np.ndarray
@@ -133,9 +135,10 @@ class Texels:
         return self.add_later(len(words), lambda: (words,))
 
     def add_later(self, count: int, make: Callable[[], Iterable[Array]]) -> int:
-        """Append ``count`` texels, which ``make`` returns array by array when they are taken; the number of the first.
+        """Append ``count`` texels; the number of the first.
 
-        So that a large table is not held beside the texture that it becomes.
+        ``make`` returns them array by array when they are written, so that a large table is not held beside the texture
+        that it becomes.
         """
         first = self.count
         self._parts.append(make)
@@ -147,19 +150,23 @@ class Texels:
         """(width, height) of an image of all texels, the last row filled up."""
         return 1 << self._row_bits, max(-(-self.count >> self._row_bits), 1)
 
-    def taken(self) -> Iterator[tuple[int, Array]]:
-        """Arrays (n, 4) uint32 with the number of their first texel; what was taken is no longer held here."""
+    def write(self, texture: moderngl.Texture) -> None:
+        """Write all texels to ``texture``, of ``size``; what is written is no longer held here."""
         at = 0
         while self._parts:
             for part in self._parts.popleft()():
                 words = part.reshape(-1, 4).view(np.uint32)
-                yield at, words
+                write_texels(texture, at, words)
                 at += len(words)
 
-    def rows(self) -> Array:
-        """All texels, taken, as (rows, 2^row_bits, 4) uint32, the last row filled up."""
-        width, height = self.size
-        out = np.zeros((height * width, 4), np.uint32)
-        for at, words in self.taken():
-            out[at : at + len(words)] = words
-        return out.reshape(height, width, 4)
+
+def write_texels(texture: moderngl.Texture, first: int, rows: Array) -> None:
+    """Overwrite texels ``rows`` (N, 4) of an image, counted row by row, from number ``first`` on."""
+    width, done = texture.width, 0
+    while done < len(rows):
+        y, x = divmod(first + done, width)
+        whole = (len(rows) - done) // width if x == 0 else 0
+        size = (width, whole) if whole else (min(width - x, len(rows) - done), 1)
+        part = rows[done : done + size[0] * size[1]]
+        texture.write(np.ascontiguousarray(part), viewport=(x, y, *size))
+        done += len(part)

@@ -17,6 +17,7 @@ from taubench_gl.gpu.declare import Resource
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.math3d import bounds
 from taubench_gl.scene.model import Scene
+from taubench_gl.stage_log import progressed
 
 if TYPE_CHECKING:
     import moderngl
@@ -76,12 +77,14 @@ class StoredTrees:
 
     def __init__(
         self, context: GpuContext, scene: Scene, draws: tuple[Draw, ...], table: InstanceTable, alpha: Array,
-        posed: list[PosedTrees],
+        posed: list[PosedTrees], total: int,
     ):  # fmt: skip
-        """``alpha`` (D,) bool: draws whose material tests alpha; ``posed``: gets the places of the trees it renews."""
+        """``alpha`` (D,) bool: draws whose material tests alpha; ``posed``: gets the places of the trees it renews;
+        ``total``: triangles of all trees, of which progress is a share."""
         self._scene, self._draws, self._table, self._alpha = scene, draws, table, alpha
         self.top_nodes = 2 * max(table.count, 1) - 1
         self.free = list(range(TOPS))
+        self._placed, self._total = 0, total
         self._nodes, self._triangles = Texels(TOPS * self.top_nodes), Texels()
         trees = [self._merged_tree(merged.draws, merged.origin) for merged in table.merged]
         made: dict[tuple[int, int], PlacedTree] = {}
@@ -99,8 +102,7 @@ class StoredTrees:
             resource = Resource.texture(name, part.size, dtype="u4", what=STRUCTURE, hint=HINT)
             self.textures[name] = context.allocate(resource)
             self.memory[name] = resource.bytes
-            for at, rows in part.taken():
-                write_texels(self.textures[name], at, rows)
+            part.write(self.textures[name])
         del self._nodes, self._triangles
 
     def _part(self, row: int) -> _Part:
@@ -140,7 +142,8 @@ class StoredTrees:
         number, draw = np.concatenate([p.number for p in parts]), np.repeat(np.uint32([p.draw for p in parts]), counts)
         flags = np.repeat(alpha.astype(np.uint32), counts)
         parts.clear()  # the caller has the list
-        tree = build_over(vertices, triangles)
+        before, self._placed = self._placed, self._placed + len(triangles)
+        tree = build_over(vertices, triangles, lambda done: progressed((before + done) / self._total))
         first = self._nodes.add(texels.node_texels(tree, self._triangles.count // texels.TRIANGLE_TEXELS))
         nodes, order = len(tree), tree.order
         del tree  # larger than what is left of it
@@ -156,15 +159,3 @@ class StoredTrees:
     def release(self) -> None:
         for texture in self.textures.values():
             texture.release()
-
-
-def write_texels(texture: moderngl.Texture, first: int, rows: Array) -> None:
-    """Overwrite texels ``rows`` (N, 4) of an image, counted row by row, from number ``first`` on."""
-    width, done = texture.width, 0
-    while done < len(rows):
-        y, x = divmod(first + done, width)
-        whole = (len(rows) - done) // width if x == 0 else 0
-        size = (width, whole) if whole else (min(width - x, len(rows) - done), 1)
-        part = rows[done : done + size[0] * size[1]]
-        texture.write(np.ascontiguousarray(part), viewport=(x, y, *size))
-        done += len(part)

@@ -13,7 +13,7 @@ from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import FLOAT, Accessors
 from taubench_gl.scene.gltf.blender import CONES, means_blender
 from taubench_gl.scene.gltf.document import Document
-from taubench_gl.scene.gltf.nodes import LIGHTS, check_quaternions, pick, punctual_lights
+from taubench_gl.scene.gltf.nodes import LIGHTS, check_quaternions, pick
 from taubench_gl.scene.model import Animation, Channel, Mesh
 
 Array = np.ndarray
@@ -42,17 +42,22 @@ _ONE_WEIGHT = re.compile(r"weights/(0|[1-9]\d{0,4})")
 _POINTER = re.compile(rf"(/nodes/|/cameras/|/meshes/|{_LIGHTS})(0|[1-9]\d{{0,8}})/(.+)")
 
 
-def resolve_pointer(document: Document, text: str, weight_count: Callable[[int], int], pointer: str) -> list[Target]:
-    """Targets of one animated JSON pointer; none, with a note, for a property that cannot be animated."""
+def resolve_pointer(
+    document: Document, text: str, weight_count: Callable[[int], int], lights: int, pointer: str
+) -> list[Target]:
+    """Targets of one animated JSON pointer; none, with a note, for a property that cannot be animated.
+
+    ``lights``: how many the file has.
+    """
     match = _POINTER.fullmatch(text)
-    targets = _resolve(document, match[1], int(match[2]), match[3], weight_count, pointer) if match else []
+    targets = _resolve(document, match[1], int(match[2]), match[3], weight_count, lights, pointer) if match else []
     if not targets:
         document.remark("not-animated", pointer, detail=shortened(text))
     return targets
 
 
 def _resolve(
-    document: Document, owner: str, index: int, path: str, weight_count: Callable[[int], int], pointer: str
+    document: Document, owner: str, index: int, path: str, weight_count: Callable[[int], int], lights: int, pointer: str
 ) -> list[Target]:
     if owner == "/nodes/":
         if not document.has("nodes", index, pointer, "channel-ignored"):
@@ -71,8 +76,7 @@ def _resolve(
             return []
         has_property = path in _CAMERA and path.startswith(document.root.cameras[index].type)
         return [Target("camera", index, _CAMERA[path], 1)] if has_property else []
-    lights = punctual_lights(document)
-    if lights is None or index >= len(lights.lights):
+    if index >= lights:
         document.repair("channel-ignored", "refers to a light that does not exist", pointer)
         return []
     if path in CONES and means_blender(document):
@@ -93,10 +97,13 @@ SMALL = {5120, 5121, 5122, 5123}
 
 
 class AnimationReader:
-    """Reads the animations of one document; ``meshes`` give the number of morph weights of each node."""
+    """Reads the animations of one document.
 
-    def __init__(self, document: Document, accessors: Accessors, meshes: tuple[Mesh, ...]):
-        self.document, self.accessors, self.meshes = document, accessors, meshes
+    ``meshes`` give the number of morph weights of each node; ``lights``: how many the file has.
+    """
+
+    def __init__(self, document: Document, accessors: Accessors, meshes: tuple[Mesh, ...], lights: int):
+        self.document, self.accessors, self.meshes, self.lights = document, accessors, meshes, lights
         self._times: dict[int, tuple[Array, int]] = {}
         self._outputs: dict[tuple[int, ...], Array] = {}
 
@@ -183,7 +190,7 @@ class AnimationReader:
             if target.path != "pointer":
                 message = f"target path is {shortened(target.path)}; the extension requires 'pointer'"
                 document.repair("channel-path", message, where)
-            return resolve_pointer(document, animated.pointer, self._weight_count, f"{where}/pointer")
+            return resolve_pointer(document, animated.pointer, self._weight_count, self.lights, f"{where}/pointer")
         if target.node is None:
             document.remark("channel-without-target", pointer)
             return []

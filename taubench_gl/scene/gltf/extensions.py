@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from taubench_gl.data_files import read_toml
 from taubench_gl.scene.gltf import schema
@@ -31,6 +31,12 @@ SUPPORTED = _KNOWN.supported
 
 APPEARANCE = _KNOWN.appearance
 """Extension that changes no more than the appearance of surfaces -> what its absence means for the image."""
+
+_ARRAYS = ("nodes", "scenes", "materials", "textures", "images", "samplers", "meshes", "skins", "cameras", "accessors",
+           "bufferViews", "buffers", "animations")  # fmt: skip
+"""Arrays of a document whose items may carry extensions, in the order of notes."""
+
+_FIELDS = {field.encode_name: field.name for field in structs.fields(schema.Root)}
 
 METADATA_ONLY = frozenset({"KHR_xmp", "KHR_xmp_json_ld"})
 """Extensions that do not change the image: no note is recorded for them."""
@@ -129,22 +135,8 @@ def texture_infos(material: schema.Material) -> Iterator[tuple[str, schema.Textu
 def _owners(root: schema.Root) -> Iterator[tuple[schema.Property, str, str]]:
     """Objects that may carry extensions: (object, kind, JSON pointer)."""
     yield root, "", ""
-    for kind, items in (
-        ("nodes", root.nodes),
-        ("scenes", root.scenes),
-        ("materials", root.materials),
-        ("textures", root.textures),
-        ("images", root.images),
-        ("samplers", root.samplers),
-        ("meshes", root.meshes),
-        ("skins", root.skins),
-        ("cameras", root.cameras),
-        ("accessors", root.accessors),
-        ("bufferViews", root.buffer_views),
-        ("buffers", root.buffers),
-        ("animations", root.animations),
-    ):
-        for i, item in enumerate(items or []):
+    for kind in _ARRAYS:
+        for i, item in enumerate(getattr(root, _FIELDS[kind]) or []):
             pointer = f"/{kind}/{i}"
             yield item, kind, pointer
             if kind == "materials":

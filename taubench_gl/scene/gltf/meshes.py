@@ -15,6 +15,7 @@ from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import COMPONENT_NAMES, Accessors, decode_draco
 from taubench_gl.scene.gltf.document import Document
 from taubench_gl.scene.model import Material, Mesh, MorphTarget, Primitive
+from taubench_gl.stage_log import progressed
 
 Array = np.ndarray
 
@@ -23,6 +24,9 @@ _FLOAT = {(FLOAT, False)}
 _UNSIGNED = {(UBYTE, True), (USHORT, True)}
 _SIGNED = {(BYTE, True), (SHORT, True)}
 _ANY = {(c, n) for c in (BYTE, UBYTE, SHORT, USHORT) for n in (False, True)}
+
+REPORTED_MESHES = 64
+"""Meshes between two reports of how far reading is: a report takes as long as reading a small mesh."""
 
 Formats = dict[str, tuple[tuple[str, ...], set[tuple[int, bool]], set[tuple[int, bool]]]]
 
@@ -258,13 +262,17 @@ class MeshReader:
         self._shared: dict[Hashable, Any] = {}
 
     def read(self) -> tuple[Mesh, ...]:
-        meshes = tuple(self._mesh(mesh, f"/meshes/{i}") for i, mesh in enumerate(self.document.root.meshes or []))
+        meshes, listed = [], self.document.root.meshes or []
+        for i, mesh in enumerate(listed):
+            meshes.append(self._mesh(mesh, f"/meshes/{i}"))
+            if i % REPORTED_MESHES == 0:
+                progressed(i / len(listed))
         if self.undrawn:
             parts = ", ".join(f"{n} {kind}" for kind, n in self.undrawn.items() if kind != "primitives")
             self.document.note(f"{self.undrawn['primitives']} primitives of points or lines are not drawn ({parts})")
         for message, count in self.fixes.items():
             self.document.note(f"{count} {message}")
-        return meshes
+        return tuple(meshes)
 
     def _mesh(self, mesh: schema.Mesh, pointer: str) -> Mesh:
         document = self.document

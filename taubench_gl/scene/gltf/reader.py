@@ -55,7 +55,7 @@ def read_gltf(
     nodes = read_nodes(document, accessors, parent, in_scene, NodeTargets(meshes, skins, lights))
     if cameras and not (nodes.in_scene & (nodes.camera >= 0)).any():
         document.remark("camera-unused", "/cameras", len(cameras))
-    animations_of_file = AnimationReader(document, accessors, meshes).read()
+    animations_of_file = AnimationReader(document, accessors, meshes, len(lights)).read()
     animations = tuple(replace(a, channels=light_keys(document, a.channels, lights)) for a in animations_of_file)
     channels, playing = choose_animations(document, animations, animation)
     own_extras = _own_extras(document)

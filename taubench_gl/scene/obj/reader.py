@@ -29,6 +29,7 @@ from taubench_gl.scene.model import Channel, Mesh, MorphTarget, Primitive, Scene
 from taubench_gl.scene.notes import Notes
 from taubench_gl.scene.obj.materials import Library
 from taubench_gl.scene.obj.parse import MISSING, ObjFile, Part, parse_obj
+from taubench_gl.stage_log import progressed
 
 Array = np.ndarray
 
@@ -204,6 +205,7 @@ class _Assembly:
     def _read(self) -> None:
         open_tracks: dict[str, _Track] = {}
         for frame, path in enumerate(self.files):
+            progressed(frame / len(self.files))
             file = parse_obj(path, self.notes)
             self.identity.add(file.data)
             self._notes(file)
