@@ -28,6 +28,12 @@ def cross(a: Array, b: Array) -> Array:
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
+def unit_quaternions(q: Array) -> Array:
+    """Unit length; the zero quaternion means no rotation.  (..., 4) -> (..., 4) float64, xyzw."""
+    q = normalize(q)
+    return np.where(np.any(q, axis=-1, keepdims=True), q, (0.0, 0.0, 0.0, 1.0))
+
+
 def box_corners(points: Array) -> Array:
     """The corners of the axis-aligned bounding box of ``points`` (N, 3), N > 0.  -> (8, 3) float64."""
     return np.array(np.meshgrid(*np.transpose(bounds(points))), dtype=np.float64).reshape(3, 8).T

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl import math3d
 from taubench_gl.conventions import DEFAULT_FPS, KEY_TOLERANCE
+from taubench_gl.math3d import unit_quaternions
 from taubench_gl.scene.model import Channel
 
 Array = np.ndarray
@@ -32,13 +32,6 @@ LARGEST_KEY = float(np.finfo(np.float32).max)
 HALF_TURN = 1e-12
 """Quaternions with a smaller absolute dot product are 180 degrees apart, and both arcs are equally short.  Such a pair
 keeps the signs of the file, so that rounding does not select the arc."""
-
-
-def unit_quaternions(q: Array) -> Array:
-    """Unit length; the zero quaternion means no rotation.  (..., 4) -> (..., 4) float64, xyzw."""
-    q = math3d.normalize(q)
-    zero = ~np.any(q, axis=-1, keepdims=True)
-    return np.where(zero, (0.0, 0.0, 0.0, 1.0), q)
 
 
 def slerp(a: Array, b: Array, u: Array) -> Array:

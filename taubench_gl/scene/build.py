@@ -49,18 +49,13 @@ class NodeList(list[Node]):
 
         out = Nodes(
             names=tuple(node.name for node in self),
-            parent=column("parent"),
             translation=column("translation", 3),
             rotation=column("rotation", 4),
             scale=column("scale", 3),
             matrix=np.array([np.eye(4) if n.matrix is None else n.matrix for n in self], np.float64).reshape(-1, 4, 4),
             has_matrix=np.array([n.matrix is not None for n in self], dtype=bool),
-            mesh=column("mesh"),
-            skin=column("skin"),
-            camera=column("camera"),
-            light=column("light"),
-            visible=column("visible").astype(bool),
-            in_scene=column("in_scene").astype(bool),
+            **{name: column(name) for name in ("parent", "mesh", "skin", "camera", "light")},
+            **{name: column(name).astype(bool) for name in ("visible", "in_scene")},
             weights={i: node.weights for i, node in enumerate(self) if node.weights is not None},
             instances={i: node.instances for i, node in enumerate(self) if node.instances is not None},
         )

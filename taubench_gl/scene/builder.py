@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -145,18 +146,13 @@ def sphere(radius: float = 1.0, rings: int = 24) -> Primitive:
 
 def skinned(primitive: Primitive, joints: Array, weights: Array) -> Primitive:
     """``primitive`` with joints (V, k) and weights (V, k)."""
-    return Primitive(
-        primitive.positions, primitive.triangles, primitive.material, normals=primitive.normals,
-        joints=np.asarray(joints, dtype=np.uint32), weights=np.asarray(weights, dtype=np.float32),
-    )  # fmt: skip
+    joints, weights = np.asarray(joints, dtype=np.uint32), np.asarray(weights, dtype=np.float32)
+    return replace(primitive, joints=joints, weights=weights)
 
 
 def morphed(primitive: Primitive, *displacements: Array) -> Primitive:
     """``primitive`` with one morph target per (V, 3) displacement."""
-    targets = tuple(MorphTarget(np.asarray(d, dtype=np.float32)) for d in displacements)
-    return Primitive(
-        primitive.positions, primitive.triangles, primitive.material, normals=primitive.normals, targets=targets
-    )
+    return replace(primitive, targets=tuple(MorphTarget(np.asarray(d, dtype=np.float32)) for d in displacements))
 
 
 def turn(axis: Sequence[float], degrees: float) -> Array:

@@ -344,7 +344,7 @@ def _transform(document: Document, node: schema.Node, new: Node, pointer: str) -
         if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
             message = f"quaternion has length {length:.6g}, must be 1"
             document.repair("quaternion-length", message, f"{pointer}/rotation")
-            new.rotation = unit_quaternions(np.array(node.rotation))
+            new.rotation = math3d.unit_quaternions(np.array(node.rotation))
     if node.scale is not None:
         new.scale = node.scale
 
@@ -415,13 +415,7 @@ def check_quaternions(document: Document, quaternions: Array, pointer: str) -> A
     at = int(np.argmax(bad))
     message = f"quaternion {at} has length {length[at]:.6g}, must be 1"
     document.repair("quaternion-length", message, pointer, count=int(bad.sum()))
-    return np.where(bad[:, None], unit_quaternions(quaternions), quaternions)
-
-
-def unit_quaternions(quaternions: Array) -> Array:
-    """Normalized quaternions (..., 4); zero ones become the identity."""
-    zero = ~np.any(quaternions != 0.0, axis=-1, keepdims=True)
-    return np.where(zero, [0.0, 0.0, 0.0, 1.0], math3d.normalize(quaternions))
+    return np.where(bad[:, None], math3d.unit_quaternions(quaternions), quaternions)
 
 
 def animated_nodes(document: Document) -> dict[int, str]:
