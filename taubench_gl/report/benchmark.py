@@ -102,7 +102,7 @@ def _ranking(summary: Summary, track: str, rankings: Summary) -> Table:
             f"by {over[:-1]}, {leading['count']} {over}; Holm's correction for all pairs of a measure)."
         )
     order = f"Order: by mean {SHOWN[leading_measure][0]}, except methods that failed or are not ranked."
-    every = {case["render_every"] for case in summary["cases"].values() if case["track"] == track} - {None}
+    every = {case.get("render_every") for case in summary["cases"].values() if case["track"] == track} - {None}
     notes = (order, note, *[GENERATED_NOTE.format(" or ".join(map(str, sorted(every))))] * bool(every))
     notes += tuple(f"Not in this track: {', '.join(labels)} ({why})." for why, labels in absent.items())
     return Table(0, f"{track}: scorecard ({_contents(summary, track)})", tuple(columns), tuple(rows), notes)

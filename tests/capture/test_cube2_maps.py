@@ -157,11 +157,6 @@ def test_a_place_belongs_to_the_cube_around_it():
 
 
 # ------------------------------------------------------------------------------------------------------------ polygons
-def stored_corners(parts, version=33):
-    _, _, corners = drawn_triangles(level(parts, 16, version).cubes)
-    return {tuple(corner) for tri in corners.tolist() for corner in tri}
-
-
 @pytest.mark.parametrize("uv, count", [(0, 4), (0x40, 4), (0x42, 4), (0x80, 4), (0x88, 4), (0xC2, 0x84), (0x40, 0x84)])
 def test_a_merged_face_has_its_polygon_at_one_cube(uv, count):
     """Two cubes along x; the first has the polygon of both, as a box of two corners."""

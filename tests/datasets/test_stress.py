@@ -53,10 +53,10 @@ STILL = CameraSpec(frames=3, fps=60.0)
 
 @pytest.fixture(autouse=True)
 def coarse_space(request, monkeypatch):
-    """A sixty-fourth of the voxels, and points for them; the default number in tests with ``default_voxels``."""
+    """An eighth of the voxels, and points for them; the default number in tests with ``default_voxels``."""
     if "default_voxels" not in request.fixturenames:
-        monkeypatch.setattr(VoxelSpace.__init__, "__defaults__", (VOXELS // 64,))
-        monkeypatch.setattr(surface_points, "__defaults__", (SAMPLES // 16,))
+        monkeypatch.setattr(VoxelSpace.__init__, "__defaults__", (VOXELS // 8,))
+        monkeypatch.setattr(surface_points, "__defaults__", (SAMPLES // 4,))
 
 
 @pytest.fixture

@@ -106,27 +106,3 @@ def test_broken_links_and_forgotten_pages_end_the_build(tmp_path: Path):
     assert [link for link in links if link not in bad.stderr] == []
     forgotten = small_site(tmp_path / "forgotten", "index.md", index="# A\n", other="# B\n")
     assert forgotten.returncode == 1 and "other.md" in forgotten.stderr
-
-
-@pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
-def test_search_works_from_files_and_nothing_is_requested(site: Path, browser, size):
-    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
-    requests, messages = [], []
-    page.on("request", lambda request: requests.append(request.url))
-    page.on("console", lambda message: messages.append(message.text))
-    page.on("pageerror", lambda error: messages.append(str(error)))
-    for name in ("index", "gallery", "hard-cases", "commands/evaluate"):
-        page.goto((site / f"{name}.html").as_uri())
-        page.wait_for_load_state("load")
-        assert page.evaluate("document.documentElement.scrollWidth") <= size[0], name
-        assert page.evaluate("[...document.images].every((i) => i.loading === 'lazy' || i.naturalWidth > 0)"), name
-    if size[0] < 960:
-        page.click("label.md-header__button[for=__search]")
-    page.click("input.md-search__input")
-    page.keyboard.type("newly occluding")
-    page.wait_for_selector(".md-search-result__item a", state="attached")
-    found = [link.get_attribute("href") for link in page.query_selector_all(".md-search-result__link")]
-    assert "glossary.html" in found[0]
-    assert not messages and requests
-    assert [url for url in requests if not url.startswith(("file:", "data:", "blob:", "about:"))] == []
-    page.close()

@@ -28,7 +28,7 @@ SERVER = Path(__file__).with_name("hostile_server.py")
 MOST_BYTES = 2 << 30
 REASON = re.compile(r"memory|GiB|MiB", re.IGNORECASE)
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
-CASES = 30
+CASES = 42
 LONG_CASES = int(os.environ.get("TAUBENCH_FUZZ_CASES", "1000"))
 SEED = int(os.environ.get("TAUBENCH_FUZZ_SEED", "1"))
 

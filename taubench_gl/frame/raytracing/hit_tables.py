@@ -118,7 +118,7 @@ class DrawnPool:
     def read(self, name: str, first: int, count: int) -> Array:
         """``count`` numbers of ``indices``, or rows of an attribute of ``geometry.Pool``, from number ``first`` on."""
         width = _WIDTHS.get(name, 1)
-        if self._buffers[name].size < 4 * width * self.vertices:
+        if name in _WIDTHS and self._buffers[name].size < 4 * width * self.vertices:  # all have the default
             return np.broadcast_to(DEFAULTS.get(name, np.float32(0)), (count, width))
         data = self._buffers[name].read(4 * width * count, offset=4 * width * first)
         return np.frombuffer(data, np.uint32 if name == "indices" else np.float32).reshape(count, width)
