@@ -183,6 +183,11 @@ EVERY = (
         (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/benchmark", "taubench_gl/datasets"), by.benchmark,
     ),
     Record(
+        "bmfr-authors", ("docs/reuse-evaluation.md", "docs/images/bmfr.jpg", "docs/images/bmfr-curves.png"),
+        ("taubench_gl/reuse/methods/bmfr", "tools/bmfr_authors.py", "tools/bmfr_comparison",
+         "tools/peer_programs/bmfr_opencl.py"),
+    ),
+    Record(
         "cost", ("docs/cost.md", "docs/images/cost-demo.png"),
         (DEMO, *FRAME, *RAYS, "taubench_gl/cost", "taubench_gl/report/cost.py"), by.cost,
     ),
