@@ -23,7 +23,7 @@ from taubench_gl.settings import Settings
 MEASURE = """
 import json, re, sys
 from pathlib import Path
-sys.path.insert(0, sys.argv[4])
+sys.path[:0] = [sys.argv[4], str(Path(sys.argv[4]).parent)]
 from test_memory_of_frames import plate, settings_of
 from taubench_gl.frame.memory import memory_of_frame
 from taubench_gl.frame.plan import frame_spec
