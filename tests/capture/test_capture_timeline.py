@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from demo_encoder import entity_state, game, player_state
@@ -243,6 +245,9 @@ def test_the_best_window_has_the_most_rotation_of_those_in_which_the_player_live
     assert np.allclose(stretches(hurt.eye.times, hurt.eye.alive), [(0, 12), (12.5, 20)], atol=0.06)
     with pytest.raises(SettingsError):
         best_window(turning(dead=[(0, 20.1)]), 6.0)
+    with pytest.raises(SettingsError) as error:
+        best_window(turning(dead=[(5, 5.5), (11, 20.1)]), 6.0)
+    assert re.findall(r"[0-9.]+", error.value.hint)[:2] == ["5.50", "10.98"]  # eyes are seen every 1/60 s
 
 
 def test_what_happens_in_a_window_is_counted():
