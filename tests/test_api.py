@@ -152,21 +152,6 @@ def test_color_that_is_not_measured_is_none_with_its_reason():
     assert pair.color is None and pair.unmeasured["color"]
 
 
-def test_explanations_agree_with_the_mask():
-    for pair in tb.pairs(DEMO, **GEOMETRY):
-        rng = np.random.default_rng(pair.frame)
-        chosen = np.argwhere(pair.mask & np.uint32(tb.Reason.POSITION))
-        for y, x in [*chosen[:3], *rng.integers(0, (54, 96), (3, 2))]:
-            found = pair.explain(x, y)
-            assert found.word == pair.mask[y, x] and found.pixel == (x, y)
-            assert np.allclose(found.motion_px, pair.motion[y, x])
-            feature = found.features["position"]
-            assert feature.discarded == bool(found.word & tb.Reason.POSITION)
-            if feature.distance is not None:
-                assert feature.discarded == (feature.distance > feature.threshold)
-            assert str(found)
-
-
 @pytest.mark.parametrize("pixel", [(96, 0), (0, 54), (-1, 0), (0.5, 0), ("a", 0)])
 def test_pixel_outside_the_image_is_an_error(pixel):
     for pair in tb.pairs(DEMO, **GEOMETRY):

@@ -83,26 +83,3 @@ def test_without_live_parts_the_home_page_is_the_introduction(monkeypatch: pytes
     monkeypatch.delenv(LIVE, raising=False)
     text = home_page()
     assert "<iframe" not in text and "](start.md)" in text and "walk.webp" in text
-
-
-def small_site(folder: Path, nav: str, **pages: str) -> subprocess.CompletedProcess[str]:
-    """Build ``pages`` with the settings of the site."""
-    settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n")[0]
-    settings = re.sub(r"\nhooks:.*\n", "\n", settings).replace("site_dir: out/docs", "site_dir: site")
-    (folder / "docs").mkdir(parents=True)
-    (folder / "mkdocs.yml").write_text(f"{settings}\nnav: [{nav}]\n")
-    for name, text in pages.items():
-        (folder / "docs" / f"{name}.md").write_text(text)
-    return build(cwd=folder)
-
-
-def test_broken_links_and_forgotten_pages_end_the_build(tmp_path: Path):
-    links = ("m1.md", "#m2", "other.md#m3", "m4.png")
-    good = small_site(tmp_path / "good", "index.md, other.md", index="# A\n\n[b](other.md#b)\n", other="# B\n")
-    assert good.returncode == 0, good.stderr
-    text = "# A\n\n" + " ".join(f"[a]({link})" for link in links) + "\n"
-    bad = small_site(tmp_path / "bad", "index.md, other.md", index=text, other="# B\n")
-    assert bad.returncode == 1
-    assert [link for link in links if link not in bad.stderr] == []
-    forgotten = small_site(tmp_path / "forgotten", "index.md", index="# A\n", other="# B\n")
-    assert forgotten.returncode == 1 and "other.md" in forgotten.stderr
