@@ -10,7 +10,6 @@ import contextlib
 import ctypes
 import os
 import re
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -73,12 +72,9 @@ class Budget:
         self.bytes[kind] = self.bytes.get(kind, 0) + count
         if self.total <= self.limit:
             return None
-        parts = ", ".join(f"{name} {shown_bytes(n)}" for name, n in _largest(self.bytes) if n)
+        largest = sorted(self.bytes.items(), key=lambda part: -part[1])
+        parts = ", ".join(f"{name} {shown_bytes(n)}" for name, n in largest if n)
         return f"with it the scene would take {shown_bytes(self.total)} of memory ({parts})"
-
-
-def _largest(parts: Mapping[str, int]) -> list[tuple[str, int]]:
-    return sorted(parts.items(), key=lambda part: -part[1])
 
 
 def shown_bytes(count: int) -> str:

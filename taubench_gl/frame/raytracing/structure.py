@@ -160,7 +160,8 @@ class SceneStructure:
             reach = half.max(axis=1)
             core = reach[0] if at[0] < len(self.table.merged) else np.median(reach)
             far = reach > SCALE_STEP * core
-            texels.fill_instance(words[0], top.matrix, (first_node, len(tree), 0, 0))
+            words[0, :3] = top.matrix[:3].astype(np.float32).view(np.uint32)
+            words[0, 3, :2] = first_node, len(tree)
             words[0, 3, 3] = np.float32(reach[~far].max()).view(np.uint32)
             at, far = at[tree.order], far[tree.order]
             grid_from_relative = inverse[at, :3] * trees.scale[at, :, None]

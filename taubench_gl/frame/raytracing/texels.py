@@ -114,12 +114,6 @@ def triangle_texels(corners: Array, triangle: Array, draw: Array, flags: Array) 
     return out
 
 
-def fill_instance(out: Array, matrix: Array, words: tuple[int, int, int, int]) -> None:
-    """Fill one instance (INSTANCE_TEXELS, 4) uint32; ``matrix`` (4, 4): grid_from_relative."""
-    out[:3] = matrix[:3].astype(np.float32).view(np.uint32)
-    out[3] = words
-
-
 class Texels:
     """An array of texels of four 32-bit words, which grows part by part and is written to a texture in the end."""
 
