@@ -28,7 +28,7 @@ from taubench_gl.fields import declared, from_values, unknown_field
 from taubench_gl.option_groups import REUSE_SETTINGS, ReuseOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import EvaluationRequest
-from taubench_gl.reuse.generated import generated_frames
+from taubench_gl.reuse.generated import check_rendered, generated_frames
 from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.reuse.references import FITTED
 from taubench_gl.settings import AUTO, Settings
@@ -247,7 +247,10 @@ def _case(table: _Table, evaluated: Mapping[str, Any], folder: Path, axis: str |
         raise SettingsError(f"{case.id}: files are no part of a suite", hint="give a rendered input and reference")
     if request.reference == FITTED:
         raise SettingsError(f"{case.id}: the reference depends on the machine", hint="give path-traced@M")
-    if case.evaluated_frames <= request.warmup:
+    if case.generated:
+        check_rendered(case.kind, settings.metrics.history, request.cuts)
+    # Of generated frames, the first intervals between rendered ones are left out.
+    if case.evaluated_frames <= request.warmup * (request.render_every - 1 if case.generated else 1):
         raise SettingsError(f"{case.id}: warmup is {request.warmup}, frames {case.frames}", hint="give more frames")
     request.check(settings.lighting.seed)
     case.kind.input_size(case.size)

@@ -196,8 +196,13 @@ def _cases(summary: Summary) -> Table:
         hashes = (case["scene_sha256"][:8], case["sha256"][:8])
         facts = (case["track"], case["seeds"], text, case["discarded_percent"], case["level"])
         rows.append(Row(name, (*facts, *hashes, summary["times"]["seconds"][name])))
-    note = "scene and case: first digits of their hashes; cases of equal hashes are run once."
-    return Table(0, "Cases", columns, tuple(rows), (note,))
+    notes = ["scene and case: first digits of their hashes; cases of equal hashes are run once."]
+    for track in summary["rankings"]:
+        states = {label: method["tracks"][track] for label, method in summary["methods"].items()}
+        if all(state["state"] == "not applicable" for state in states.values()):
+            why = "; ".join(f"{label} ({state['reason']})" for label, state in states.items())
+            notes.append(f"No method runs in track {track}: {why}.")
+    return Table(0, "Cases", columns, tuple(rows), tuple(notes))
 
 
 def plot_speeds(summary: Summary, folder: Path) -> list[Path]:

@@ -18,6 +18,7 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import Source
 from taubench_gl.reuse.frame import FrameInputs
+from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.reuse.inputs import FrameRequest, MaskPass, RasterInputs, light_settings
 
 LAST_RENDERED = "present-last"
@@ -30,13 +31,21 @@ EXTRAPOLATE, INTERPOLATE = "extrapolate", "interpolate"
 def all_generate(methods: Sequence[Any], request: FrameRequest, cuts: Collection[int]) -> bool:
     """Whether ``methods`` generate frames.  Raises SettingsError where only some do, or the frames do not allow it."""
     generates = [getattr(method, "generates", None) is not None for method in methods if method is not None]
-    kind, one_shot = request.kind, not cuts and request.settings.metrics.history == "frame"
     if any(generates) and not all(generates):
         raise SettingsError("methods that generate frames are evaluated among themselves", hint="leave out the others")
-    if any(generates) and not (one_shot and kind.files is None and kind.rate == "full" and kind.upscale == 1):
+    if any(generates):
+        check_rendered(request.kind, request.settings.metrics.history, cuts)
+    return any(generates)
+
+
+def check_rendered(kind: InputKind, history: str, cuts: Collection[int]) -> None:
+    """Raises SettingsError if frames cannot be generated from rendered ones of ``kind``, with ``cuts``.
+
+    ``history``: as ``Settings.metrics.history``.
+    """
+    if cuts or history != "frame" or kind.files is not None or kind.rate != "full" or kind.upscale != 1:
         hint = "give --input full, jittered, noisy or path-traced@N, and no --cut or --history"
         raise SettingsError("frames are generated from whole rendered ones of one shot, of their size", hint=hint)
-    return any(generates)
 
 
 def generated_frames(shown: range, every: int) -> list[int]:

@@ -13,7 +13,7 @@ from taubench_gl.benchmark.suite import read_suite
 from taubench_gl.benchmark.unit import BenchmarkUnit, applicable, evaluate_case, inapplicable
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import SettingsError
-from taubench_gl.report.benchmark import benchmark_sections
+from taubench_gl.report.benchmark import benchmark_sections, benchmark_tables
 
 TRACK = "generated frames"
 GENERATING = {"extrapolate", "interpolate", "present-last", "space-warp"}
@@ -52,6 +52,27 @@ def test_generated_cases_have_hashes_of_their_own(tmp_path):
             (only,) = read_suite(tmp_path / "suite.toml").cases
             found[only.identity("a" * 64)] = only.generated, only.evaluated_frames
     assert list(found.values()) == [(False, 7), (True, 3), (True, 4)]
+
+
+@pytest.mark.parametrize(
+    ("lines", "valid"),
+    [
+        ("render_every = 4\nframes = 13\nwarmup = 2\n", True),
+        ("render_every = 4\nframes = 13\nwarmup = 3\n", False),  # intervals, of which there are three
+        ("render_every = 2\ncut = [3]\n", False),
+        ('render_every = 2\ninput = "checkerboard"\n', False),
+        ('render_every = 2\ninput = "jittered+upscale@2"\n', False),
+    ],
+)
+def test_cases_in_which_no_method_could_run_are_refused_with_the_suite(tmp_path, lines, valid):
+    text = 'schema = "suite/1"\nname = "t"\nsize = "48x28"\nframes = 7\nreference_samples = 4\n'
+    text += '[[cases]]\nscene = "demo"\ntrack = "t"\n' + ("" if "input" in lines else 'input = "full"\n') + lines
+    (tmp_path / "suite.toml").write_text(text)
+    if valid:
+        assert read_suite(tmp_path / "suite.toml").cases
+    else:
+        with pytest.raises(SettingsError):
+            read_suite(tmp_path / "suite.toml")
 
 
 @pytest.fixture(scope="module")
@@ -94,3 +115,13 @@ def test_the_scorecard_has_rows_of_the_methods_that_ran(result):
     titles = [column.name for column in table.columns]
     assert titles.count("latency") == 2 and "headroom" not in titles
     assert any("none, taa_clamp" in note for note in table.notes)
+
+
+def test_a_track_in_which_no_method_runs_is_named_with_the_reasons(small):
+    suite, unit = small
+    entries = entries_of(["taa_clamp"])
+    stored = evaluate_case(unit.case, entries, scene_file(unit.case.scene))
+    stored["times"]["seconds"] = 0.0
+    unit = BenchmarkUnit.of(unit.case, entries, unit.sha256)
+    (table,) = benchmark_tables(merge(suite, entries, {unit.identity: stored}, {unit.case.scene: unit.sha256}))
+    assert any(TRACK in note and "taa_clamp (" in note for note in table.notes)
