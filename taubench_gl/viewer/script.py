@@ -209,8 +209,10 @@ class ScriptRunner:
 
     def do_bench(self, count: str) -> None:
         """bench N: print the median frames per second over N played frames"""
-        self._bench = self._viewer.bench(max(_whole(count), 1), self._present)
-        self._report(f"{self._bench:.1f} frames/s, median of {count}")
+        if (frames := _whole(count)) < 1:
+            raise SettingsError(f"bench is {frames}", hint="give 1 frame or more")
+        self._bench = self._viewer.bench(frames, self._present)
+        self._report(f"{self._bench:.1f} frames/s, median of {frames}")
 
     def do_quit(self) -> None:
         """quit"""

@@ -204,4 +204,7 @@ def test_the_benchmark_renders_every_frame(drive):
     driven = drive()
     before = driven.engine.drawn.pairs
     driven.run("bench 5\nexpect bench > 0")
+    for count in ("0", "-3"):
+        with pytest.raises(SettingsError):
+            driven.run(f"bench {count}")
     assert driven.engine.drawn.pairs >= before + 8 and "frames/s" in driven.lines[-1]
