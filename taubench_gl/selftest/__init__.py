@@ -1,7 +1,7 @@
 """Hard cases with known answers, run through the pipeline on the user's GPU or CPU driver.
 
-Each case states the test, the closed-form or float64 answer, the largest accepted error and its source.  Where a
-simpler formula fails, the case evaluates that too.  docs/hard-cases.md lists all cases.
+Each case states the test, how programs commonly fail it, the closed-form or float64 answer, the largest accepted error
+and its source.  docs/hard-cases.md lists all cases.
 """
 
 from __future__ import annotations
