@@ -96,6 +96,7 @@ LIT = {"columns": (*GEOMETRY, "direct", "indirect"), "width": 32, "height": 18, 
 
 
 def test_sampled_light_of_both_agrees_with_a_run_of_each(monkeypatch):
+    """Both draw the same pixels with the same random numbers, so that they differ by far less than their intervals."""
     monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=96, limit=64, samples=15_000))
     runs = {mode: evaluated(DEMO, True, reprojection=mode, light="auto", **LIT) for mode in OTHER}
     for mode, other in OTHER.items():
@@ -103,7 +104,7 @@ def test_sampled_light_of_both_agrees_with_a_run_of_each(monkeypatch):
         alone = runs[other].summary["reusable"]["shading"]
         halves = [np.subtract(*of["interval95_percent"][::-1]) / 2 for of in (entry, alone)]
         assert entry["method"] == "sampled" and entry["preview_percent"] == alone["preview_percent"]
-        assert abs(entry["mean_percent"] - alone["mean_percent"]) <= sum(halves)
+        assert abs(entry["mean_percent"] - alone["mean_percent"]) < 0.2
         assert 0.0 < halves[0] < 15.0
         assert runs[mode].summary["reusable"][mode]["shading"] == runs[mode].summary["reusable"]["shading"]
 
