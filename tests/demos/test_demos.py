@@ -16,12 +16,15 @@ from taubench_gl.demos.lessons import DEMOS, find_demo, sampling
 from taubench_gl.demos.stage import Stage
 from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.masks import pair_masks
+from taubench_gl.report.palette import color_of
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.bench import limits
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+CLEAR = 25.0
+"""Least distance (CIE 1976) of a mask's color; about 2.3 is just visible."""
 
 
 def test_numbers_agree_with_theory(demo, runs, gpu):
@@ -142,3 +145,14 @@ def test_the_float64_reference_agrees_with_the_pass_of_demo_6(gpu):
         reference = pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=name)
         assert np.count_nonzero(reference.mask != pair.mask) <= 2
     stage.release()
+
+
+def test_mask_colors_differ_from_the_objects(demo, runs, gpu):
+    """In both frames of a lesson, by CLEAR of CIELAB, in all but 0.5 % of the pixels, which noise may color."""
+    rgb2lab = pytest.importorskip("skimage.color").rgb2lab
+    pair = runs.pair(demo, gpu)
+    for frame in (pair.before, pair.now):
+        objects = rgb2lab(np.clip(frame["color"][..., :3], 0.0, 1.0))
+        for mask in demo.opening.masks:
+            close = np.linalg.norm(objects - rgb2lab(np.divide(color_of(mask), 255.0)), axis=-1) < CLEAR
+            assert close.mean() <= 0.005, f"{demo.name}: {100 * close.mean():.1f} % look like {mask!r}"
