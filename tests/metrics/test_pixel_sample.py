@@ -8,10 +8,12 @@ from repeated import few
 
 from taubench_gl.metrics.pair_sample import PairSample, estimate, sample_pairs
 from taubench_gl.metrics.pixel_sample import (
+    NORMAL_95,
     PixelStrata,
     SampledPair,
     estimate_share,
     pair_differences,
+    stratum_variances,
 )
 
 SHAPE, STRATA = (24, 32), 3
@@ -62,6 +64,14 @@ def test_intervals_hold_at_least_as_often_as_they_say(visits, pixels, scheme):
         assert abs(np.mean(means) - truth) < 4.0 * np.std(means) / np.sqrt(600)
 
 
+def test_every_pixel_of_every_pair_has_no_error():
+    rng = np.random.default_rng(1)
+    strata, x, y = population(3, rng)
+    y = np.where(strata < 0, x, y)  # known without a sample
+    found, truth = estimated(strata, x, y, rng, visits=3, pixels=10**9)
+    assert found.mean == pytest.approx(truth, abs=1e-12) and found.half_width == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_rate_is_a_total_over_a_total():
     """A rate of surface pixels, whose number differs from pair to pair, is exact where every pixel is sampled."""
     rng = np.random.default_rng(4)
@@ -90,6 +100,20 @@ def test_a_rate_that_all_pairs_share_is_known_from_some_of_them():
     assert found.mean == pytest.approx(0.3) and found.half_width == pytest.approx(0.0, abs=1e-12)
     share = estimate_share(sample, 0.3 * base, [0, 1, 2, 3], none, none)
     assert share.half_width == pytest.approx(estimate(sample, 0.3 * base).half_width) and share.half_width > 0.05
+
+
+def test_a_stratum_without_a_difference_has_the_interval_of_the_rule_of_three():
+    pair = SampledPair(1000, np.array([1000]), np.zeros(300, np.int64), np.zeros((300, 1)))
+    _, variance = stratum_variances([pair])
+    assert NORMAL_95 * np.sqrt(variance[0, 0] / 300) == pytest.approx(3.0 / 300)
+
+
+def test_visits_of_a_pair_have_other_pixels():
+    of = PixelStrata.of(np.random.default_rng(2).integers(-1, 3, SHAPE), 3, (1, 2))
+    counts = of.counts(np.array([0.2, 0.2, 0.9]), 100)
+    taken = np.concatenate([of.take(k, counts)[0] for k in range(20)])
+    assert len(np.unique(taken)) == len(taken) == of.sizes.sum()
+    assert counts[2] > 3 * counts[0] * of.sizes[2] / of.sizes[0]
 
 
 def test_pixels_beyond_the_known_pairs_widen_the_interval():
