@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import re
 
 import pytest
@@ -105,6 +106,17 @@ def test_a_damaged_summary_is_refused(copy, change):
     with pytest.raises(OutputError) as error:
         load_evaluation(copy)
     assert error.value.where == str(copy / "reuse.json")
+
+
+def test_a_changed_digit_is_refused(copy):
+    text = (copy / "reuse.json").read_text()
+    digits = [at for at, letter in enumerate(text) if letter.isdigit()]
+    for at in random.Random(1).sample(digits, 6):
+        (copy / "reuse.json").write_text(f"{text[:at]}{(int(text[at]) + 5) % 10}{text[at + 1 :]}")
+        with pytest.raises(OutputError):
+            load_evaluation(copy)
+    (copy / "reuse.json").write_text(text)
+    assert load_evaluation(copy).rows
 
 
 @pytest.mark.parametrize(
