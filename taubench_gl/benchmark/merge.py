@@ -42,7 +42,8 @@ VALID = ("rest", "sky")
 
 BOUND = (("bound", "headroom_db"), ("bound", "clipped_headroom_db"))
 GENERATED = tuple(("generated", name) for name in ("gain_db", "latency_frames", "latency_ms"))
-"""Block and name of the values of a method in a case whose means its scorecard has."""
+"""Blocks and names of values of a case whose means scorecards have: of rendered frames BOUND, of generated ones
+GENERATED."""
 
 Result = Mapping[str, Any]
 

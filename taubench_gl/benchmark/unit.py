@@ -181,7 +181,7 @@ def evaluate_case(
             raise
         methods[specs[0].label] = {"state": FAILED, "reason": str(error)}
         return out
-    for label in (spec.label for spec in specs):  # others stand beside those that generate frames
+    for label in (spec.label for spec in specs):  # present-last stands beside methods that generate frames
         method = done.summary["methods"][label]
         methods[label] = _method(done, label, method, divergence.reasons.get(label))
         out["times"]["methods"][label] = method.get("time_ms")

@@ -24,8 +24,8 @@ from taubench_gl.reuse.inputs import FrameRequest, MaskPass, RasterInputs, light
 LAST_RENDERED = "present-last"
 """The built-in method that displays the last rendered frame again."""
 
-EXTRAPOLATE, INTERPOLATE = "extrapolate", "interpolate"
-"""Values of ``Method.generates``."""
+INTERPOLATE = "interpolate"
+"""Value of ``Method.generates`` of methods that wait for the next rendered frame; the others extrapolate."""
 
 
 def all_generate(methods: Sequence[Any], request: FrameRequest, cuts: Collection[int]) -> bool:

@@ -141,7 +141,8 @@ class Inputs(GpuOwner):
         return self._inputs_of(frame, frame, view, cut and not self.stereo)
 
     def before(self, frame: int) -> FrameInputs | None:
-        """What methods run before ``frame`` without a score, None: nothing; call it before ``advance``.
+        """Inputs of a frame that methods run before ``frame``, without a score; None: of none.  It is called before
+        ``advance``.
 
         Where the history is the other eye (``stereo``), that eye in ``frame``, which itself has no history.
         """
