@@ -89,7 +89,7 @@ class _Sidecar(Struct):
 
 
 def read_camera_file(path: str | Path) -> CameraFile:
-    """Read a sidecar.  Raises PathTracedError that names the faulty key, in a JSON pointer to its frame if it has one."""
+    """Read a sidecar.  Raises PathTracedError with the faulty key, or a JSON pointer to the faulty frame."""
     hint = "give a camera file, as 'reference render' writes it"
     values = read_json(path, fault=PathTracedError, hint=hint)
     with one_line(path, PathTracedError, hint=hint):
