@@ -56,7 +56,7 @@ def evaluate(
 
     SCENE is a glTF 2.0 file (.glb or .gltf), an .obj, .aff or .nff file, a folder or a quoted pattern of numbered OBJ
     files ("name*.obj@30"), exr:DIR (a folder of path-traced OpenEXR frames), or the name of a scene that 'scenes get'
-    downloaded (also scene:NAME), with its frame rate, frames, camera and units.  If one of several scenes fails, the
+    unpacked (also scene:NAME), with its frame rate, frames, camera and units.  If one of several scenes fails, the
     others are still evaluated and the exit code is 2.
 
     Examples:
