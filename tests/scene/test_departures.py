@@ -257,6 +257,7 @@ def test_normals_of_degenerate_faces(tmp_path: Path) -> None:
 
 def test_repaired_tangents(tmp_path: Path) -> None:
     scene = load_scene(with_frames(UNIT3, [[3, 0, 0, 1], [0, 2, 0, -0.7], [1, 0, 0, 1]])().save(tmp_path))
+    assert kinds(scene) == [("tangent", 2)]
     expected = [[1, 0, 0, 1], [0, 1, 0, -1], [1, 0, 0, 1]]
     np.testing.assert_array_equal(scene.meshes[0].primitives[0].tangents, expected)
     scene = load_scene(with_frames(UNIT3, [[0, 0, 0, 1]] * 3)().save(tmp_path))
