@@ -154,10 +154,11 @@ def best_window(recording: Recording, seconds: float) -> Window:
     alive = [window for window in windows(recording, seconds) if window.alive]
     if not alive:
         lives = stretches(recording.eye.times, recording.eye.alive)
-        first, last = max(lives, key=lambda life: life[1] - life[0], default=(0.0, 0.0))
-        hint = (
-            f"the longest life is {first:.2f} to {last:.2f}: give --start and --seconds within it, or record for longer"
-        )
+        hint = "the player never lives: record for longer"
+        if lives:
+            first, last = max(lives, key=lambda life: life[1] - life[0])
+            within = f"the longest life is {first:.2f} to {last:.2f}: give --start and --seconds within it"
+            hint = f"{within}, or record for longer"
         raise SettingsError(f"no {seconds:g} s of the recording in which the player lives", hint=hint)
     return max(alive, key=lambda window: window.rotation)
 

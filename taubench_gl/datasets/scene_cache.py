@@ -104,13 +104,17 @@ class CachedScene:
             raise DatasetError(f"has checksum {checksum}, the registry has {self.entry.sha256}", where=str(source))
         old, kept, unpacked = self.record(), self.folder / "scene", self.folder / "unpacking"
         same = old is not None and old.sha256 == checksum
+        record = Record(source.name, source.stat().st_size, checksum, scene or (old.scene if same else None))
         new_folders: list[Path] = []
         try:
             new_folders = make_folders(self.folder)
             shutil.rmtree(unpacked, ignore_errors=True)
-            if not (same and kept.is_dir()):
+            if same and kept.is_dir():
+                self._found(kept, record)
+            else:
                 unpack(source, unpacked)
                 self._require_scene(source, unpacked)
+                self._found(unpacked, record)
                 shutil.rmtree(kept, ignore_errors=True)
                 unpacked.replace(kept)
         except OSError as e:
@@ -118,13 +122,15 @@ class CachedScene:
         finally:
             shutil.rmtree(unpacked, ignore_errors=True)
             remove_folders(new_folders)  # as far as they are empty: where the file was refused
-        record = Record(source.name, source.stat().st_size, checksum, scene or (old.scene if same else None))
         write_atomically(self.folder / "record.json", json.dumps(asdict(record), indent=2) + "\n")
         return self.scene()
 
     def scene(self) -> Path:
         """The path to evaluate.  Raises DatasetError if it is not found."""
-        folder, record = self.folder / "scene", self.record()
+        return self._found(self.folder / "scene", self.record())
+
+    def _found(self, folder: Path, record: Record | None) -> Path:
+        """``scene`` of an unpacked ``folder`` with its ``record``."""
         selected = (record.scene if record is not None else None) or self.entry.scene
         if selected is not None:
             _require_inside(selected, self.name)
@@ -138,7 +144,7 @@ class CachedScene:
             folders = sorted({p.parent for p in folder.rglob("*.obj")})
             if len(folders) == 1:
                 return folders[0]
-            raise DatasetError(f"holds OBJ files in {len(folders)} folders, expected one", where=str(folder))
+            raise DatasetError(f"holds OBJ files in {len(folders)} folders, expected one", where=str(self.folder))
         files = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES[self.entry.format])
         # A single scene file that the user gave is accepted under any name.
         if len(files) == 1 and (selected is None or (record is not None and record.file == files[0].name)):
@@ -146,7 +152,7 @@ class CachedScene:
         names = ", ".join(p.name for p in files[:8])
         fault = f"no {selected}" if selected else f"{len(files)} files of the format {self.entry.format}, expected one"
         hint = f"choose with --scene from {names}" if files else "check that it is the right file"
-        raise DatasetError(f"holds {fault}", where=str(folder), hint=hint)
+        raise DatasetError(f"holds {fault}", where=str(self.folder), hint=hint)
 
     def settings(self) -> dict[str, Any]:
         """``Entry.settings``, with the path of an environment image of the archive.  Raises DatasetError."""

@@ -94,7 +94,7 @@ def estimate(sample: PairSample, values: Array, level: float = 0.95) -> Estimate
         part = weight**2 * (1.0 - n / size) * float(y.var(ddof=1)) / n
         variance += part
         spread += part**2 / (n - 1)
-    if unknown or variance == 0.0:
+    if unknown or spread == 0.0:  # also where the square of a variance is below the least float64
         return Estimate(mean, None if unknown else 0.0, level)
     from scipy.special import stdtrit  # imported late: 0.3 s
 

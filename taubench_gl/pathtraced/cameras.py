@@ -89,9 +89,11 @@ class _Sidecar(Struct):
 
 
 def read_camera_file(path: str | Path) -> CameraFile:
-    """Read a sidecar.  Raises PathTracedError with a JSON pointer to the faulty frame."""
+    """Read a sidecar.  Raises PathTracedError with the faulty key, or a JSON pointer to the faulty frame."""
     hint = "give a camera file, as 'reference render' writes it"
-    file = convert(read_json(path, _Sidecar, PathTracedError, hint=hint), _Sidecar)
+    values = read_json(path, fault=PathTracedError, hint=hint)
+    with one_line(path, PathTracedError, hint=hint):
+        file = convert(values, _Sidecar)
     views, matrices = {}, {}
     for number, frame in file.frames.items():
         where = f"{path}#/frames/{number}"

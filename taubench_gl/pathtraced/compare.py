@@ -181,7 +181,7 @@ def _masks(a: Run, b: Run, frames: list[int]) -> tuple[dict[str, Any], dict[str,
     compared = np.uint32(sum(bits.values()))
     sums = {name: np.zeros(4, dtype=np.int64) for name in bits}
     worst = None  # differing pixels, -frame: the first of equally bad pairs
-    for frame, *saved in _saved_pairs(a.out, b.out, frames, _MASKS):
+    for frame, *saved in _saved_pairs(a.out, b.out, frames, _MASKS, {"mask"}):
         words = [arrays["mask"].astype(np.uint32) for arrays in saved]
         for name, bit in bits.items():
             sums[name] += mask_agreement(*((word & bit) != 0 for word in words))
@@ -204,7 +204,8 @@ def _features(a: Run, b: Run, frames: list[int]) -> dict[str, Any]:
     settings = b.summary["settings"]
     scale = settings.get("unit_scale") or 1.0
     errors = FeatureErrors(same_place_m=settings["thresholds"]["position"], unit_scale=scale)
-    for _, first, second in _saved_pairs(a.out, b.out, frames, _CHANNELS):
+    needed = {"position", "camera_position"}
+    for _, first, second in _saved_pairs(a.out, b.out, frames, _CHANNELS, needed):
         errors.add(first, second)
     return errors.summary() or {"reason": NO_CHANNELS}
 
@@ -219,15 +220,20 @@ def _time(a: Run, b: Run) -> dict[str, Any]:
 
 
 def _saved_pairs(
-    first: Path | None, second: Path | None, frames: list[int], name: str
-) -> Iterator[tuple[int, Mapping[str, Array], Mapping[str, Array]]]:
+    first: Path | None, second: Path | None, frames: list[int], name: str, needed: set[str]
+) -> Iterator[tuple[int, dict[str, Array], dict[str, Array]]]:
     """Frame, arrays of the first and of the second run, for frames whose file both folders have.
 
-    ``name``: format of the file name, with the frame number as its argument.  A folder may be None: no frames.  Arrays
-    are read on access, inside the loop: the frames of a long run do not fit in memory together.
+    ``name``: format of the file name, with the frame number as its argument.  A folder may be None: no frames.  Raises
+    OutputError for a damaged file, or one without the arrays ``needed``.
     """
     for frame in frames if first is not None and second is not None else ():
         files = first / name.format(frame), second / name.format(frame)
         if all(file.is_file() for file in files):
-            with stored_arrays(files[0]) as a, stored_arrays(files[1]) as b:
-                yield frame, a, b
+            yield frame, _arrays(files[0], needed), _arrays(files[1], needed)
+
+
+def _arrays(path: Path, needed: set[str]) -> dict[str, Array]:
+    """All arrays of a file, those ``needed`` among them.  Read here, where their faults are OutputError."""
+    with stored_arrays(path) as arrays:
+        return {name: arrays[name] for name in needed.union(arrays)}

@@ -243,8 +243,9 @@ def test_the_best_window_has_the_most_rotation_of_those_in_which_the_player_live
     alive = {window.start for window in windows(hurt, 6.0) if window.alive}
     assert alive == {0, 1, 2, 3, 4, 5, 13, 14} and best_window(hurt, 6.0).start == 5
     assert np.allclose(stretches(hurt.eye.times, hurt.eye.alive), [(0, 12), (12.5, 20)], atol=0.06)
-    with pytest.raises(SettingsError):
+    with pytest.raises(SettingsError) as error:
         best_window(turning(dead=[(0, 20.1)]), 6.0)
+    assert not re.findall(r"[0-9]", error.value.hint), "no life, no time within it"
     with pytest.raises(SettingsError) as error:
         best_window(turning(dead=[(5, 5.5), (11, 20.1)]), 6.0)
     assert re.findall(r"[0-9.]+", error.value.hint)[:2] == ["5.50", "10.98"]  # eyes are seen every 1/60 s

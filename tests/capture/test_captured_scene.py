@@ -237,6 +237,19 @@ def test_an_engine_that_hangs_is_killed(engine, tmp_path, monkeypatch):
     assert not (tmp_path / "out.dm_71").exists()
 
 
+@pytest.mark.parametrize("rockets", [0, 1])
+def test_the_command_asks_the_engine_for_rockets(engine, made, tmp_path, taubench, rockets):
+    """The engine's command line, as the command of this program gives it."""
+    demos = '"$HOME"/.openarena/baseoa/demos'
+    fake_engine(
+        engine, f"echo $* > '{tmp_path}/asked'\nmkdir -p {demos}\ncp '{made / 'game.dm_71'}' {demos}/made.dm_71"
+    )
+    words = f"capture record --map tiny --bots 3 --seconds 7 --out {tmp_path / 'out.dm_71'}".split()
+    code, out, err = taubench(*words, *rockets * ["--rockets"])
+    assert code == 0 and "tiny, 8.0 s" in out, err
+    assert f"+set g_rockets {rockets} " in (tmp_path / "asked").read_text()
+
+
 def test_without_the_engine_one_line_installs_it(monkeypatch, tmp_path):
     monkeypatch.setattr(recorder, "FOLDERS", (tmp_path,))
     with pytest.raises(SettingsError) as caught:

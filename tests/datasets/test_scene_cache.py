@@ -94,6 +94,12 @@ def test_selection_of_the_scene_in_an_archive(tmp_path):
     chosen = place(two, format="aff", scene="c.aff", take="b.aff")
     assert chosen.scene().name == "b.aff" and chosen.record().scene == "b.aff"
     assert chosen.take(tmp_path / "a.zip").name == "b.aff", "the selection is stored"
+    with pytest.raises(DatasetError, match=r"no d\.aff"):
+        chosen.take(tmp_path / "a.zip", "d.aff")
+    (tmp_path / "three.zip").write_bytes(zipped(two | {"in/e.aff": AFF}))
+    with pytest.raises(DatasetError, match=r"no d\.aff"):
+        chosen.take(tmp_path / "three.zip", "d.aff")
+    assert chosen.scene().name == "b.aff" and not list(chosen.folder.rglob("e.aff")), "what is refused changes nothing"
     (tmp_path / "other name.aff").write_bytes(AFF)
     assert chosen.take(tmp_path / "other name.aff").name == "other name.aff"
     quad = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

@@ -34,6 +34,9 @@ def test_complete_samples_have_no_error():
     values = np.arange(7.0)
     assert estimate(sample_pairs(7, "all"), values).half_width == 0.0
     assert estimate(sample_pairs(7, "strata", 7), values).half_width == 0.0
+    assert estimate(sample_pairs(9, "every", 3), np.array([1e-90, 2e-90, 4e-90])).half_width == pytest.approx(
+        0.0, abs=1e-80
+    )
 
 
 def test_one_pair_has_no_interval():

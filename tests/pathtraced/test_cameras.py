@@ -90,6 +90,12 @@ def test_faulty_sidecars_name_the_entry(tmp_path, change, pointer):
     assert error.value.where == f"{tmp_path / 'camera.json'}{pointer}"
 
 
+def test_an_entry_that_is_no_object_is_named(tmp_path):
+    frames = {"1": {"world_from_view": IDENTITY, "yfov": 1}, "12": 3}
+    with pytest.raises(PathTracedError, match=r"frames\.12 "):
+        read_camera_file(write(tmp_path, {"schema": CAMERA_SCHEMA, "frames": frames}))
+
+
 @pytest.mark.parametrize("with_depth", [True, False])
 @pytest.mark.parametrize(
     ("rotation", "origin", "yfov"),

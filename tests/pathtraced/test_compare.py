@@ -77,6 +77,20 @@ def test_a_comparison_and_its_tables(renders, tmp_path):
     assert f"frames {result['worst']['frame'] - 1} and" in done.output
     stated = CliRunner().invoke(cli, f"reference compare {tmp_path / 'a'} {tmp_path / 'b'} --json".split())
     assert json.loads(stated.output) == result
+    for name in ("masks/mask", "channels/channels"):
+        file = tmp_path / "b" / f"{name}_{result['worst']['frame']:05d}.npz"
+        whole = file.read_bytes()
+        file.write_bytes(
+            whole[: len(whole) // 2] + bytes([whole[len(whole) // 2] ^ 0x55]) + whole[len(whole) // 2 + 1 :]
+        )
+        with pytest.raises(OutputError) as error:  # one byte of an array is another
+            compare_runs(tmp_path / "a", tmp_path / "b")
+        assert error.value.where == str(file)
+        np.savez(file, unknown=np.zeros(3))
+        with pytest.raises(OutputError) as error:
+            compare_runs(tmp_path / "a", tmp_path / "b")
+        assert error.value.where == str(file)
+        file.write_bytes(whole)
 
 
 def test_a_comparison_without_masks_has_reasons(renders, tmp_path):

@@ -74,3 +74,29 @@ def test_a_tree_over_triangles_is_that_over_their_boxes_and_says_how_far_it_is()
         np.testing.assert_array_equal(getattr(tree, name), getattr(expected, name))
     assert len(done) >= 3 and done == sorted(set(done)) and done[-1] == len(triangles)
     assert max(np.diff([0, *done])) < bvh.AT_ONCE + LEAF_TRIANGLES
+
+
+def terrain(quads: int) -> tuple[Array, Array]:
+    """A height field in rows: vertices (V, 3) float32, and triangles (T, 3)."""
+    x, y = np.meshgrid(np.arange(quads + 1), np.arange(quads + 1))
+    vertices = np.stack([x, 3.0 * np.sin(x / 17.0) * np.cos(y / 23.0), y], axis=-1).reshape(-1, 3)
+    first = (x + (quads + 1) * y)[:-1, :-1].reshape(-1, 1)
+    return vertices.astype(np.float32), (first + [0, 1, quads + 1, 1, quads + 2, quads + 1]).reshape(-1, 3)
+
+
+def expected_visits(tree: Tree) -> float:
+    """Nodes and triangles that a random ray through the box of the tree visits, by the surface-area heuristic."""
+    x, y, z = (tree.high.astype(np.float64) - tree.low).T
+    area = x * y + y * z + z * x
+    return float(area @ np.maximum(tree.count, 1) / area[0])
+
+
+@pytest.mark.parametrize(("quads", "layers"), [(512, 1), (256, 2)])
+def test_the_order_of_triangles_in_a_file_costs_rays_nothing(quads, layers):
+    """Rows of 2^n triangles, and two layers whose triangles alternate: a sample with a period sees a part of them."""
+    vertices, triangles = terrain(quads)
+    every = np.stack([triangles + layer * len(vertices) for layer in range(layers)], axis=1).reshape(-1, 3)
+    vertices = np.concatenate([vertices + np.float32([0, 5000 * layer, 0]) for layer in range(layers)])
+    mixed = np.random.default_rng(1).permutation(every)
+    in_rows, at_random = (build_over(vertices, t.astype(np.uint32), lambda done: None) for t in (every, mixed))
+    assert expected_visits(in_rows) < 1.1 * expected_visits(at_random)

@@ -29,17 +29,17 @@ _SETTINGS = {
 }  # fmt: skip
 
 
-def record(map_name: str, bots: int, seconds: float, out: Path, *, limit: float = 300.0) -> Demo:
+def record(map_name: str, bots: int, seconds: float, out: Path, *, rockets: bool = False, limit: float = 300.0) -> Demo:
     """Record at least ``seconds`` of a match between bots, seen by the first, to ``out``, and return it decoded.
 
-    ``limit``: seconds after which an attempt is killed.  One start of the engine in about ten hangs: it is tried TRIES
-    times.  Raises SettingsError without the game, SceneError if nothing is recorded.
+    ``rockets``: rocket launchers only; ``limit``: seconds after which an attempt is killed.  One start of the engine in
+    about ten hangs: it is tried TRIES times.  Raises SettingsError without the game, SceneError if nothing is recorded.
     """
     engine = shutil.which("ioquake3", path=f"{os.environ.get('PATH', '')}:/usr/lib/ioquake3")  # Debian's
     folder = next((folder for folder in FOLDERS if (folder / "baseoa").is_dir()), None)
     if engine is None or folder is None:
         raise SettingsError("ioquake3 and OpenArena are not installed", hint=INSTALL)
-    settings = _SETTINGS | {"fs_basepath": folder}
+    settings = _SETTINGS | {"fs_basepath": folder, "g_rockets": int(rockets)}
     command = [engine, *(word for name, value in settings.items() for word in ("+set", name, str(value)))]
     command += ["+devmap", map_name, "+set", "r_norefresh", "1", "+set", "fixedtime", str(STEP), "+exec", "record.cfg"]
     return recorded(lambda home: _play(command, home, bots, seconds, limit), map_name, seconds, out, TRIES)

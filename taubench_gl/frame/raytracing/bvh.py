@@ -53,7 +53,10 @@ AT_ONCE = 1 << 17
 """Boxes that get their leaf between two reports of how far the builder is."""
 
 SAMPLED = 1024
-"""The plane of a larger node is found from every n-th of its boxes, from this many to twice as many."""
+"""The plane of a node of twice as many boxes is found from this many to twice as many, one of each n in a row.
+
+Which one of the n changes by the golden ratio: every n-th box of a mesh whose rows have n triangles is one column.
+"""
 
 ONE_AXIS = 128
 """Most boxes of a node that is split along the longest axis of their centers, without a look at the others."""
@@ -143,15 +146,15 @@ def _extend(box, other):
 
 
 @_inlined
-def _measure(boxes, order, begin, end, step, center_low, scale):
-    """Fill the lowest center of the boxes ``order[begin:end:step]`` along each axis, and bins for each meter.
+def _measure(boxes, order, begin, end, center_low, scale):
+    """Fill the lowest center of the boxes ``order[begin:end]`` along each axis, and bins for each meter.
 
     Centers are times 2, which saves a product; 0 bins for each meter: no extent, or an axis that is not looked at.
     """
     longest = 0
     for k in range(3):
         lowest, highest = np.float32(np.inf), np.float32(-np.inf)
-        for i in range(begin, end, step):
+        for i in range(begin, end):
             c = boxes[order[i], k] - boxes[order[i], 4 + k]
             lowest, highest = c if c < lowest else lowest, c if c > highest else highest
         center_low[k] = lowest
@@ -173,15 +176,14 @@ def _bin_of(boxes, t, k, center_low, scale):
 
 
 @_compiled
-def _plane_of_many(boxes, order, begin, end, step, center_low, scale, bins, counts, right_area, run):
+def _plane_of_many(boxes, order, begin, end, center_low, scale, bins, counts, right_area, run):
     """Axis, last bin before the cheapest plane, and area times number of boxes of both sides; axis -1: none separates.
 
-    Of every ``step``-th box.  ``bins`` (3, BINS, 8), ``counts`` (3, BINS): room for the boxes of each bin.
+    ``bins`` (3, BINS, 8), ``counts`` (3, BINS): room for the boxes of each bin.
     """
     bins.fill(np.inf)
     counts.fill(0)
-    sampled = (end - begin + step - 1) // step
-    for i in range(begin, end, step):
+    for i in range(begin, end):
         t = order[i]
         for k in range(3):
             if scale[k] > 0:
@@ -201,7 +203,7 @@ def _plane_of_many(boxes, order, begin, end, step, center_low, scale, bins, coun
         for b in range(BINS - 1):
             running += counts[k, b]
             _extend(run, bins[k, b])
-            rest = sampled - running
+            rest = end - begin - running
             if running and rest:
                 cost = _area(run) * running + right_area[b + 1] * rest
                 if cost < least_cost:
@@ -291,14 +293,19 @@ def _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state):
         if parent >= 0:
             right[parent] = node
         total = end - begin
-        step = max(total // SAMPLED, 1)
-        _measure(boxes, order, begin, end, step, center_low, scale)
+        step = total // SAMPLED
+        sample, low, high = order, begin, end
+        if step > 1:
+            sample, low, high = spare, 0, total // step
+            for i in range(high):
+                spare[i] = order[begin + i * step + ((i * 40503 % 65536) * step >> 16)]
+        _measure(boxes, sample, low, high, center_low, scale)
         axis, last_bin, least_cost = -1, 0, np.inf
         if total > 1 and depth < MAX_DEPTH:
             if total <= FEW:
                 found = _plane_of_few(boxes, order, begin, end, center_low, scale, at, bin_of, areas, run)
             else:
-                found = _plane_of_many(boxes, order, begin, end, step, center_low, scale, bins, counts, areas, run)
+                found = _plane_of_many(boxes, sample, low, high, center_low, scale, bins, counts, areas, run)
             axis, last_bin, least_cost = found
         right[node], first[node], count[node] = -1, 0, 0
         if total <= leaf:

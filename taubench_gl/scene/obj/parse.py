@@ -156,7 +156,7 @@ class _Lines:
             try:
                 values = np.array(list(map(float, self._joined(lines).split())))
             except ValueError:
-                fault = self._not_anumber_of(lines, float)
+                fault = self._not_a_number(lines, float)
                 if kind == b"v" or self.notes.strict:
                     raise fault from None
                 values = np.array([number_of(word) for word in self._joined(lines).split()])
@@ -185,7 +185,7 @@ class _Lines:
             return blanked.tobytes()
         return b"\n".join([text[i:j] for i, j in zip(begin.tolist(), end.tolist())])
 
-    def _not_anumber_of(self, rows: Array, convert: type) -> SceneError:
+    def _not_a_number(self, rows: Array, convert: type) -> SceneError:
         for row in rows.tolist():
             for word in self.rest(row).replace("/", " ").split():
                 try:
@@ -281,7 +281,7 @@ class _Lines:
         try:
             values = np.array(list(map(int, text.split())), dtype=np.int64)
         except (ValueError, OverflowError):
-            raise self._not_anumber_of(rows, int) from None
+            raise self._not_a_number(rows, int) from None
         if np.any(count > 2) or len(values) != int((count + 1).sum()):
             raise self._bad_corner(rows)
         out = np.zeros((len(word), 3), dtype=np.int64)
