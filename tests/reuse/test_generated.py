@@ -266,6 +266,8 @@ def test_what_cannot_be_generated_is_refused(gpu):
     ):  # fmt: skip
         with pytest.raises(SettingsError):
             evaluate(scene, methods, (0, 9), settings={"width": W, "height": H}, **more)
+    with pytest.raises(MethodError):  # the last rendered frame alone is no evaluation of the methods given
+        evaluate(scene, ["extrapolate@nosuch=1", "interpolate@nosuch=1"], (0, 9), settings={"width": W, "height": H})
     with pytest.raises(MethodError):
         load_method("extrapolate>none")
 
