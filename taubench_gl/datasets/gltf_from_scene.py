@@ -172,8 +172,8 @@ class _Textures:
                 magFilter=sampler.mag_filter, minFilter=sampler.min_filter, wrapS=sampler.wrap_s, wrapT=sampler.wrap_t
             )
             number = self._w.add(self._w.gltf.samplers, settings)
-            texture = gl.Texture(source=self._images[image], sampler=number)
-            self._texture_of[key] = self._w.add(self._w.gltf.textures, texture)
+            written = gl.Texture(source=self._images[image], sampler=number)
+            self._texture_of[key] = self._w.add(self._w.gltf.textures, written)
         return {"index": self._texture_of[key], "texCoord": texture.texcoord}
 
 
