@@ -25,7 +25,7 @@ def test_tables_are_shown_and_nothing_overflows(browser, page_file, size):
     methods = json.loads(RECORDED.read_text(encoding="utf-8"))["methods"]
     for page in opened(browser, page_file, viewport={"width": size[0], "height": size[1]}):
         assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
-        rows = page.locator("table").first.locator("tbody th").all_inner_texts()
+        rows = page.locator("table tbody th").all_inner_texts()  # a method runs in some of the tracks
         assert set(methods) <= set(rows)
 
 
