@@ -1,6 +1,6 @@
 """BMFR by the code of its authors, as a reuse method beside ours: the kernels run in a process of their own.
 
-    taubench-gl reuse evaluate demo --methods bmfr,tools/bmfr_authors.py:AuthorsBmfr
+    taubench-gl reuse evaluate assets/demo.glb --methods bmfr,tools/bmfr_authors.py:AuthorsBmfr
 
 ``TAUBENCH_BMFR`` names the folder ``opencl`` of their repository, ``TAUBENCH_OPENCL_PYTHON`` a Python with pyopencl.
 """

@@ -34,8 +34,13 @@ LEFT_OUT = {
     "tests/benchmark, tests/cost",
     r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, selftest, drivers",
     r"^conformance score": "reads frames of an engine: tests/conformance",
+    r"--camera-path (head|trajectory|track)": "reads a recorded camera: tests/animation/test_recorded_camera.py",
+    r"\b(arena|cubes)\.glb": "a recorded game: tests/capture",
+    r"sky\.hdr": "an image of the user: tests/light",
+    r"methods gates/|,gates/|tests relative_depth": "fitted tests and a mapping of the user: tests/reject",
     r"^capture": "needs a recording and the game's data: tests/capture",
     r"\bpairs\d|exr:denoised": "a walk through another program: tests/export/test_sequences_elsewhere.py",
+    r"methods none,svgf,svgf@taa": "takes minutes: tests/reuse/test_svgf.py",
     r"osmesa": "a driver that may be missing: tools/test --driver",
 }
 """Examples that do not run here (regular expressions of command lines), and what tests them."""
@@ -254,6 +259,8 @@ def test_examples_run(line: str, ready):
 @pytest.mark.parametrize("name", PYTHON)
 def test_python_examples_run(name: str, ready):
     texts = blocks(ROOT / name, "python")
+    if any("import torch" in text for text in texts):
+        pytest.importorskip("torch")
     ready("\n".join(texts))
     names: dict[str, object] = {"__name__": "example"}
     for text in texts:
