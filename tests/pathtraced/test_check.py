@@ -187,7 +187,7 @@ def test_faults_of_vectors_are_named_or_not_judged(exported, tmp_path, rendered,
         lost = ("prev_position",) if truth != "depth" else ("prev_position", "position")
         frames = {n: replace(f, **dict.fromkeys(lost)) for n, f in frames.items()}
     of_scene = (lambda numbers: {n: rendered[n] for n in numbers}) if truth == "scene" else None
-    check = check_sequence(Corrupted(sequence, frames), given, range(FIRST, LAST - 1), 3, of_scene)
+    check = check_sequence(Corrupted(sequence, frames), given, range(FIRST, LAST + 1), 5, of_scene)
     named = {v.fault for v in check.classes if v.fault} | {v.value for v in check.wrong}
     if truth in ("positions", "depth") and fault.startswith("object"):
         assert check.answer == "not judged" and not named and check.of("still surfaces").answer == "right"
