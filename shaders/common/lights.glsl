@@ -1,6 +1,6 @@
 // Punctual lights (KHR_lights_punctual): candela and lux with spot falloff x^2, or these over 683 with the cone of Cycles;
 // 1/d^2 with range window, or constant with distance.
-// Reference: metrics.lighting.incident
+// Reference: references.punctual.incident
 const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0, KIND_WIDE_SPOT = 3.0;
 
 // Kinds of lights that the scene has none of are compiled out; without definitions all kinds are there.

@@ -1,7 +1,6 @@
-"""Punctual lights and the metallic-roughness BRDF, in float64.
+"""Falloff of spot lights and the metallic-roughness BRDF, in float64.
 
-References for shaders/common/lights.glsl and shaders/common/brdf.glsl.  Sources: KHR_lights_punctual; glTF 2.0,
-appendix B.
+Reference for shaders/common/brdf.glsl.  Sources: KHR_lights_punctual; glTF 2.0, appendix B.
 """
 
 from __future__ import annotations
@@ -15,53 +14,22 @@ import numpy as np
 Array = np.ndarray
 
 
-class PunctualLight(Protocol):
-    """The fields of ``scene.model.Light`` that are used here: candela or lux, meters, radians."""
+class SpotLight(Protocol):
+    """The fields of ``scene.model.Light`` that are used here: half angles of the cones, radians."""
 
-    kind: str
-    color: tuple[float, float, float]
-    intensity: float
-    range: float
     inner_cone: float
     outer_cone: float
-    constant: bool
 
 
 MIN_LIGHT_DISTANCE = 1e-3
 """Meters.  Distances to point and spot lights are clamped to at least this."""
 
 
-def incident(
-    light: PunctualLight, position: Array, direction: Array, points: Array, *, cycles_cone: bool = False
-) -> tuple[Array, Array]:
-    """Unit vectors towards the light, and the irradiance of a surface that faces it.
-
-    ``position`` (3,) and unit ``direction`` (3,) of the light, and ``points`` (..., 3), all in world space.
-    ``cycles_cone``: see ``spot_terms``.  -> (..., 3), (..., 3).
-    """
-    points = np.asarray(points, dtype=np.float64)
-    color = np.asarray(light.color, dtype=np.float64) * light.intensity
-    if light.kind == "directional":
-        return np.broadcast_to(-direction, points.shape), np.broadcast_to(color, points.shape)
-    offset = position - points
-    d2 = np.maximum(np.sum(offset**2, axis=-1, keepdims=True), MIN_LIGHT_DISTANCE**2)
-    length = np.linalg.norm(offset, axis=-1, keepdims=True)
-    to_light = np.where(length > 0, offset / np.where(length > 0, length, 1.0), 0.0)
-    out = color * np.ones_like(d2) if light.constant else color / d2
-    if np.isfinite(light.range) and light.range > 0:
-        out = out * np.clip(1.0 - (d2 / light.range**2) ** 2, 0.0, 1.0)
-    if light.kind == "spot":
-        scale, shift, smooth = spot_terms(light, cycles_cone)
-        cone = np.clip(np.sum(direction * -to_light, axis=-1, keepdims=True) * scale + shift, 0.0, 1.0)
-        out = out * cone**2 * (1.0 + smooth * (2.0 - 2.0 * cone))
-    return to_light, out
-
-
 LEAST_CONE = 1e-3
 """Least width of a spot's falloff, in the cosine of the angle to its axis (KHR_lights_punctual)."""
 
 
-def spot_terms(light: PunctualLight, cycles_cone: bool = False) -> tuple[float, float, float]:
+def spot_terms(light: SpotLight, cycles_cone: bool = False) -> tuple[float, float, float]:
     """``scale``, ``offset`` and ``smooth`` of the spot falloff: x = clamp(cos scale + offset, 0, 1), x^2 or smoothstep.
 
     ``smooth`` 0 gives x^2, the falloff that KHR_lights_punctual recommends, from the outer to the inner angle.

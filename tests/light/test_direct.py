@@ -7,10 +7,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from light_tools import facing, floor, integrate_hemisphere, lambert, look, picture, worst
+from references.punctual import incident
 from repeated import few
 
 from taubench_gl import math3d
-from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE, SurfaceMaterial, evaluate_brdf, incident
+from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE, SurfaceMaterial, evaluate_brdf
 from taubench_gl.scene.builder import SceneBuilder, sphere
 from taubench_gl.scene.model import Light, Scene
 

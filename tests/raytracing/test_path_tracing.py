@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixed import fixed_settings
 from references.path_tracing import LightSegments, PathLight, TraceScene, trace
+from references.punctual import incident
 from repeated import few
 
 from taubench_gl.animation import FrameState, Poser, View, choose_camera
@@ -19,7 +20,7 @@ from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.metrics.environment import direction_choice
-from taubench_gl.metrics.lighting import SurfaceMaterial, incident
+from taubench_gl.metrics.lighting import SurfaceMaterial
 from taubench_gl.metrics.stochastic import LightCells, cell_choice, light_choice
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.scene.model import Material, Scene

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from fixed import fixed_settings
+from references.punctual import incident
 from references.shading_rate import nearest_shaded, shaded
 from references.stochastic import choose, estimate_direct, estimate_indirect, pcg4d, random4
 
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
-from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
+from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
 from taubench_gl.metrics.shading_rate import RATES
 from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 from fixed import fixed_settings
+from references.punctual import incident
 
 from taubench_gl.conventions import CHANGED_LIGHT, Visibility
 from taubench_gl.evaluation import plan_scene
@@ -15,7 +16,7 @@ from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.exact_rates import light_reasons
-from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
+from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
 from taubench_gl.scene.builder import SceneBuilder, quad, sphere, turn_x, turn_y
 from taubench_gl.scene.model import Light
 
