@@ -58,13 +58,6 @@ def complete(tmp_path_factory) -> dict[str, int]:
     return {name: (out / name).stat().st_size for name in whole_files(out)}
 
 
-def test_every_kind_of_file_is_written(complete):
-    assert {SUMMARY_FILE, FRAMES_FILE, "mask.png", "frames.png", "frames.svg", "tables.txt", "report.html"} <= set(
-        complete
-    )
-    assert any(name.startswith("masks/") for name in complete) and any(name.endswith(".webp") for name in complete)
-
-
 @pytest.mark.parametrize("too_large", few(["mask.png", "report.html", "frames.png", "masks/mask_00002.png"], 1))
 def test_a_full_disk_leaves_whole_files_and_no_summary(complete, tmp_path, too_large):
     """The limit is below the size of one file: it, and every larger one, cannot be written.  Sizes vary a little."""
