@@ -21,11 +21,6 @@ from taubench_gl.scene import load_scene
 # Files
 
 
-def test_unknown_suffix_lists_readable_ones() -> None:
-    error = refuse(Path("model.fbx"), "", ".fbx")
-    assert ".glb" in error.hint and ".gltf" in error.hint
-
-
 def test_missing_empty_and_unusable_paths(tmp_path: Path) -> None:
     refuse(tmp_path / "no.gltf", "")
     (tmp_path / "folder.gltf").mkdir()
@@ -94,14 +89,6 @@ def test_uris_outside_the_folder_are_refused(tmp_path: Path, uri: str, kind: str
         gltf = textured({})
         gltf.json["images"][0]["uri"] = uri
     refuse(gltf.save(folder), f"/{kind}s/0/uri")
-
-
-@pytest.mark.parametrize("encode", [str, lambda s: s.replace("/", "%2F")], ids=["plain", "encoded"])
-def test_absolute_paths_are_refused_even_inside(tmp_path: Path, encode: Callable[[str], str]) -> None:
-    gltf = triangle_scene()
-    (tmp_path / "a.bin").write_bytes(gltf.blob)
-    gltf.json["buffers"] = [{"byteLength": len(gltf.blob), "uri": encode(str(tmp_path / "a.bin"))}]
-    refuse(gltf.save(tmp_path), "/buffers/0/uri")
 
 
 def test_links_within_the_folder_are_followed(tmp_path: Path) -> None:
