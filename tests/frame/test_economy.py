@@ -161,34 +161,6 @@ def test_only_what_moved_is_uploaded(gpu: Gpu) -> None:
     renderer.release()
 
 
-def test_counts_may_be_read_one_run_late(gpu: Gpu) -> None:
-    scene, camera = field(), circling((0, 0, 0), 0.2)
-    renderer = Renderer(GpuContext(gpu), scene, camera, SIZE, ("position", "normal"))
-    context = GpuContext(gpu)
-    at_once, late = (MaskPass(context, SIZE, MaskOptions()) for _ in range(2))
-    now, then = [], []
-    renderer.draw(0.0, 0.0)
-    for frame in range(1, 6):
-        renderer.draw(frame / 24, (frame - 1) / 24)
-        pair = reprojection(renderer.view(frame / 24)[1], renderer.view((frame - 1) / 24)[1], *SIZE)
-        textures = renderer.history.current.textures, renderer.history.previous.textures
-        at_once.run(pair, THRESHOLDS, *textures)
-        now.append(at_once.read())
-        run = late.run(pair, THRESHOLDS, *textures)
-        if run > 1:
-            then.append(late.read(run - 1))
-    then.append(late.read(run))
-    assert len({a.mask_histogram.tobytes() for a in now}) > 1
-    for a, b in zip(now, then, strict=True):
-        np.testing.assert_array_equal(a.mask_histogram, b.mask_histogram)
-        np.testing.assert_array_equal(a.histograms, b.histograms)
-    for lost in (run - 2, run + 1, 0):
-        with pytest.raises(ValueError, match="only the last two"):
-            late.read(lost)
-    for part in (at_once, late, context, renderer):
-        part.release()
-
-
 def test_rows_are_the_same_at_once_and_late_and_survive_an_interrupt(tmp_path: Path) -> None:
     settings = fixed_settings(width=64, height=36, frames=(0, 7), columns=("frustum", "position", "normal"))
     scene = load_scene(ASSETS / "demo.glb")

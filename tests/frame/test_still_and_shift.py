@@ -9,7 +9,6 @@ from frame_tools import (
     FormulaCamera,
     draw_pair,
     find_scene,
-    looking_at,
     make_scene,
     picture,
     primitive,
@@ -185,12 +184,3 @@ def test_parallel_sky_shifts_with_the_camera(gpu) -> None:
     result = draw_pair(gpu, scene, track, (160, 90), (0.0, 1.0))
     assert counts_of(result.counts.mask_histogram)["outside"] == 2 * 90
     np.testing.assert_allclose(result.motion[..., 0], 2.0, atol=1e-4)
-
-
-def test_still_sponza(gpu, data) -> None:
-    scene = load_scene(find_scene(data, "Sponza.gltf"))
-    eye = (4.0, 2.0, 0.3)
-    track = still_camera(Camera(yfov=0.9, znear=0.05, zfar=200.0), eye, looking_at(eye, (-6.0, 2.5, -0.2)))
-    for reprojection, sampling in (("camera", "nearest"), ("motion", "bilinear")):
-        assert_still(draw_pair(gpu, scene, track, (640, 360), (0.0, 1.0), reprojection=reprojection,
-                               sampling=sampling, thresholds=ZERO))  # fmt: skip
