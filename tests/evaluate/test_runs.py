@@ -121,13 +121,6 @@ def test_thresholds_move_along_the_curve(demo_run: Run) -> None:
     assert sum(row["position"] for row in scaled.frames) == totals[1]
 
 
-def test_effects_all_change_no_count(demo_run: Run) -> None:
-    """Simulating effects that no column needs changes no count."""
-    full = evaluate_scene(DEMO, settings(effects="all", shadow_size=64, indirect="none"))
-    keys = ("frustum", "comparable", "position", "normal", "disoccluded", "occluding", "sky")
-    assert [[row[k] for k in keys] for row in demo_run.frames] == [[row[k] for k in keys] for row in full.frames]
-
-
 def test_an_interrupt_keeps_the_finished_pairs(tmp_path: Path, demo_run: Run) -> None:
     seen = []
 

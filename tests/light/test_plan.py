@@ -19,7 +19,7 @@ from taubench_gl.features import COLUMNS
 from taubench_gl.frame.materials import image_bytes
 from taubench_gl.frame.passes.lighting import LOBES
 from taubench_gl.frame.passes.pathtracing import hit_options, state_layers
-from taubench_gl.frame.plan import DEPENDS, effect_costs, frame_channels, frame_passes, frame_resources, frame_spec
+from taubench_gl.frame.plan import effect_costs, frame_channels, frame_passes, frame_resources, frame_spec
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import Tuning
@@ -167,15 +167,6 @@ def test_one_lobe_makes_direct_light_write_both():
     spec = frame_spec(AnimatedScene(busy_room(lamps=2)), fixed_settings(**SIZE))
     assert not set(LOBES) & set(frame_channels(spec))
     assert set(LOBES) <= set(frame_channels(replace(spec, extra=("direct_glossy",))))
-
-
-def test_what_effects_depend_on():
-    on_direct = {"shadows", "light_culling", "glossy", "sky", "sun", "point_lights", "spot_lights"}
-    on_direct |= {"directional_lights", "path_traced", "emitter_light", "environment_light"}
-    on_direct |= {"dielectrics", "transmission", "volume"}
-    assert {effect for effect, needed in DEPENDS.items() if "direct" in needed} == on_direct | {"indirect"}
-    assert not any("shadows" in needed for needed in DEPENDS.values())  # lights without maps shine on patches
-    assert not DEPENDS["direct"] and not DEPENDS["normal_maps"]
 
 
 def test_a_channel_is_allocated_only_where_a_pass_reads_or_writes_it():
