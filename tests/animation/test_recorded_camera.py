@@ -171,16 +171,6 @@ def test_json_of_nerfstudio_and_open3d(tmp_path):
     require_known(read(tmp_path, text, up="+z", fps=10.0))
 
 
-def test_webxr_has_more_cells_of_controllers(tmp_path):
-    frames = [
-        [1000.5 + 100 * k, *p.tolist(), *q.tolist(), [0, 1, 2, 3]]
-        for k, (p, q) in enumerate(zip(WALKED, TURNED.as_quat()))
-    ]
-    path = read(tmp_path, json.dumps({"schema": [[0, {"handedness": "left"}]], "frames": frames}))
-    require_known(path)
-    np.testing.assert_allclose(path.times, [0, 0.1, 0.2, 0.3], atol=1e-15)
-
-
 @pytest.mark.filterwarnings("ignore:Gimbal lock")
 @pytest.mark.parametrize("order", ["XYZ", "ZXY", "YXZ", "ZYX"])
 @pytest.mark.parametrize(("up", "world"), [("+y", np.eye(3)), ("+z", Z_UP)])

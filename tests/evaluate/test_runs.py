@@ -202,3 +202,10 @@ def test_largest_width_is_drawn_or_is_an_error_of_the_device() -> None:
         assert "\n" not in str(error) and "16384" in str(error)
     else:
         assert run.frames[0]["pixels"] == 16384
+
+
+def test_a_file_in_the_place_of_the_output_folder_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("a file, not a folder")
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(OutputError):
+            evaluate_scene(DEMO, settings(), out=out)

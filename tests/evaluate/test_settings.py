@@ -99,6 +99,7 @@ def test_whole_groups_and_flat_names_go_together():
     assert settings == Settings().replace(metrics=changed.metrics, device=changed.device, width=3)
     assert (settings.metrics, settings.device, settings.sequence.width) == (changed.metrics, changed.device, 3)
     assert Settings(device=1).device.device == 1
+    assert changed.replace(exposure=3.0).sequence == changed.sequence
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from repeated import few
 
 from taubench_gl import evaluate
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import write_arrays
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
 
@@ -85,16 +84,6 @@ def test_summary_is_the_last_file(tmp_path, monkeypatch):
     assert names[-1] == SUMMARY_FILE and names.count(SUMMARY_FILE) == 1
     others = {path.name for path in tmp_path.rglob("*") if path.is_file()}
     assert others == set(names)
-
-
-def test_arrays_appear_complete_or_not_at_all(tmp_path):
-    values = np.random.default_rng(0).random(10_000)
-    with largest_file(1000), pytest.raises(OutputError):
-        write_arrays(tmp_path / "a.npz", {"values": values})
-    assert not list(tmp_path.iterdir())
-    write_arrays(tmp_path / "a.npz", {"values": values})
-    with np.load(tmp_path / "a.npz") as arrays:
-        np.testing.assert_array_equal(arrays["values"], values)
 
 
 SMALL = {"size": "64x36", "columns": "frustum,position"}

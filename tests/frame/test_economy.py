@@ -132,35 +132,6 @@ def test_kept_poses_cannot_be_changed_from_outside(gpu: Gpu) -> None:
     renderer.release()
 
 
-class Writes:
-    """Stands in for a buffer and remembers what was written where."""
-
-    def __init__(self, buffer):
-        self.buffer, self.writes = buffer, []
-
-    def write(self, payload: bytes, offset: int = 0) -> None:
-        self.writes.append((offset, len(payload)))
-        self.buffer.write(payload, offset=offset)
-
-    def __getattr__(self, name):
-        return getattr(self.buffer, name)
-
-
-def test_only_what_moved_is_uploaded(gpu: Gpu) -> None:
-    still = FormulaCamera(LENS, lambda t: (np.array([0.0, 0.0, 8.0]), np.eye(3)))
-    renderer = Renderer(GpuContext(gpu), field(), still, SIZE, ("position", "normal"))
-    renderer.draw(0.25, 0.0)
-    watched = renderer.buffers.records = Writes(renderer.buffers.records)
-    renderer.draw(0.25, 0.0)
-    assert watched.writes == []
-    renderer.draw(0.5, 0.25)
-    size = renderer.buffers.records.size // 9
-    at = renderer.buffers.order.tolist().index(0)  # the first tile alone climbs
-    assert watched.writes == [(at * size, size)]
-    renderer.buffers.records = watched.buffer
-    renderer.release()
-
-
 def test_rows_are_the_same_at_once_and_late_and_survive_an_interrupt(tmp_path: Path) -> None:
     settings = fixed_settings(width=64, height=36, frames=(0, 7), columns=("frustum", "position", "normal"))
     scene = load_scene(ASSETS / "demo.glb")

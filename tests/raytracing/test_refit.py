@@ -10,12 +10,9 @@ from frame_tools import make_scene
 from ray_caster import cast, gather
 from ray_tools import traced
 
-from taubench_gl.frame.raytracing.texels import ROW_BITS, TRIANGLE_TEXELS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.builder import quad
 from taubench_gl.scene.model import Channel, MorphTarget
-
-ROW_BYTES = 16 << ROW_BITS
 
 
 def sheet(n: int, target_z: float, bad: bool = False):
@@ -78,12 +75,3 @@ def test_surfaces_that_replace_one_another(gpu, tmp_path):
         for frame in (0, 1, 2, 1):
             hits = t.at(frame / 24.0).query(0 * d, d / np.linalg.norm(d))
             np.testing.assert_allclose(hits.t, (4 - 0.5 * frame) * np.linalg.norm(d), rtol=1e-5)
-
-
-def test_the_frame_before_takes_memory_only_on_request(gpu):
-    scene, used = bending(sheet(48, -3.0)), {}
-    for keep in (False, True):
-        with traced(gpu, scene, keep_previous=keep) as t:
-            used[keep] = t.structure.memory["trace_triangles"]
-    count = 2 * 48 * 48 * TRIANGLE_TEXELS * 16
-    assert used[False] < count + ROW_BYTES and used[True] >= 2 * count

@@ -70,14 +70,14 @@ def test_deep_json(tmp_path: Path, place: str) -> None:
     ["../secret.bin", "sub/../../secret.bin", "%2e%2e/secret.bin", "%2E%2E%2Fsecret.bin", "..%2fsecret.bin", "link.bin",
      "linked/secret.bin", "/etc/hostname", "%2Fetc%2Fhostname", "//host/a.bin", "\\\\host\\a.bin", "C:\\a.bin",
      "http://example.com/a.bin", "https://example.com/a.bin", "file:///etc/hostname", "FILE:/etc/hostname", "%66ile:/x",
-     "", ".", "sub", "a%00.bin", "%FF.bin", "x" * 5000, "loop"],
+     "HERE/scene.gltf", "", ".", "sub", "a%00.bin", "%FF.bin", "x" * 5000, "loop"],
     ids=lambda uri: uri[:24],
 )  # fmt: skip
 @pytest.mark.parametrize("kind", ["buffer", "image"])
 def test_uris_outside_the_folder_are_refused(tmp_path: Path, uri: str, kind: str) -> None:
     folder = tmp_path / "scene"
     (folder / "sub").mkdir(parents=True)
-    secret = png() if kind == "image" else bytes(100)
+    secret, uri = png() if kind == "image" else bytes(100), uri.replace("HERE", str(folder))
     (tmp_path / "secret.bin").write_bytes(secret)
     (folder / "link.bin").symlink_to(tmp_path / "secret.bin")
     (folder / "linked").symlink_to(tmp_path)
