@@ -20,7 +20,6 @@ from frame_tools import (
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import Reason
 from taubench_gl.metrics.counts import counts_of
-from taubench_gl.metrics.reuse_rate import ReuseStats
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera, Material, Sampler, Texture
 
@@ -96,30 +95,6 @@ def test_moving_the_world_changes_nothing(gpu) -> None:
     # 1e6 + 0.1 is rounded at 1e-10 m: at most a pixel or two on an edge may differ.
     assert np.abs(mask_histograms[0] - mask_histograms[1]).sum() <= 4
     assert counts_of(mask_histograms[0])["position"] > 1000
-
-
-@pytest.mark.parametrize(("shift", "off_screen"), [(-5, 5), (7, 0), (0, 0)])
-def test_reuse_of_a_wall_that_fills_a_known_part_of_the_image(gpu, shift: int, off_screen: int) -> None:
-    """The wall fills the 40 left columns of 160, whatever was there before; a camera that moves left uncovers some."""
-    w, h, columns = 160, 90, 40
-    pixel = 2.0 / h
-
-    def place(t):
-        return np.array([shift * pixel * t, 0.0, 0.0]), np.eye(3)
-
-    edge = (columns - w / 2 + shift) * pixel  # in the current frame, t = 1
-    wall = make_scene(quad((-50.0, -50.0, -4.0), (edge + 50.0, 0, 0), (0, 100.0, 0)))
-    camera = FormulaCamera(Camera(kind="orthographic", ymag=1.0, znear=0.5, zfar=20.0), place)
-    histogram = draw_pair(gpu, wall, camera, (w, h), (0.0, 1.0)).counts.mask_histogram
-    stats = ReuseStats({"direct": "no light", "indirect": "no light"})
-    stats.add(histogram)
-    block = stats.block("camera", np.zeros(1, dtype=bool))
-    assert block["sky_percent"] == 75.0
-    assert block["surface"]["mean_percent"] == 100.0 * (columns - off_screen) / columns
-    assert block["surface"]["of_picture_percent"] == 100.0 * (columns - off_screen) / w
-    reasons = {name: entry["pixels"] for name, entry in block["reasons"].items() if entry["pixels"]}
-    assert reasons == ({"outside": off_screen * h} if off_screen else {})
-    assert counts_of(histogram)["frustum"] == abs(shift) * h  # of all pixels, sky among them
 
 
 def noise_wall(distance: float, half: float):

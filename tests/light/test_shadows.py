@@ -63,14 +63,6 @@ def test_a_box_at_the_rim_of_a_wide_spot(gpu, elevation, azimuth, shadow_filter)
     assert np.sum(sure_dark & (off_axis > 80.0)) > 50, "no shadow to be seen at the rim"
 
 
-def test_maps_after_the_most_significant_lights_have_half_the_texels():
-    scene, rows = Case("point", 40.0, 0.0).scene(parts=10), list(range(10))
-    sizes = map_sizes(scene, rows[::-1], 256, 16384)
-    assert sizes == {row: 128 if row in (0, 1) else 256 for row in rows}
-    faces = faces_of(scene, None, rows, (np.zeros(3), 1.0), sizes)
-    assert {face.light: face.resolution for face in faces} == sizes
-
-
 def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu, monkeypatch):
     """A light that is compiled into the shader, more than are, and lights drawn at random."""
     monkeypatch.setattr("taubench_gl.frame.shadow_faces.FULL_SIZE_SHADOWS", MAX_UNROLLED + 1)
