@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from light_tools import facing, floor, lambert, opened, shoot
 
@@ -67,13 +66,3 @@ def test_a_light_that_is_off_draws_no_map(gpu):
             shot = shoot(source, frame)
             counts.append((source.light.shadow.redrawn, bool(shot.direct.max() > 0)))
     assert counts == [(6, True), (0, True), (0, False), (0, False)]
-
-
-def test_the_cache_does_not_show(gpu):
-    """Bit for bit: a frame after others is that frame drawn alone, whatever the cache held."""
-    scene = street(move_box=True, move_light=True)
-    with opened(gpu, scene, **SIZE) as source:
-        walked = {frame: shoot(source, frame).direct for frame in (0, 3, 12, 21)}
-    for frame in (12, 21):
-        with opened(gpu, scene, **SIZE) as source:
-            assert np.array_equal(walked[frame], shoot(source, frame).direct), f"frame {frame}"

@@ -18,7 +18,7 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.frame.raytracing.hit_tables import HitOptions
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned, sphere, turn
-from taubench_gl.scene.model import Image, Material, Primitive, Sampler, Scene, Texture
+from taubench_gl.scene.model import Image, Primitive, Sampler, Scene, Texture
 
 Array = np.ndarray
 SIZE = (96, 54)
@@ -191,20 +191,6 @@ def test_masks_and_blended_surfaces_are_there_where_the_rasterizer_draws(gpu) ->
     scene = scene_of(b, smooth_pixels(64, 64, 1, alpha=True))
     agree(seen(gpu, scene), edges=0.02)
     assert seen(gpu, scene, options=HitOptions(alpha_test=False)).hits.alpha_passes.all()
-
-
-def test_missing_coordinates_and_the_default_material(gpu) -> None:
-    b = seen_from()
-    m = b.material(base_color_texture=Texture(0), normal_texture=Texture(0), metallic=0.2)
-    b.node(mesh=b.mesh(quad(0.8, 0.8)), translation=(-0.9, 0.0, 0.0))
-    b.node(mesh=b.mesh(quad(0.8, 0.8, material=m)), translation=(0.9, 0.0, 0.0))
-    pixels = np.full((4, 4, 4), 128)
-    pixels[..., 2] = 255
-    result = seen(gpu, scene_of(b, pixels))
-    agree(result, normal=0.01)
-    default = Material()
-    of_default = result.hits.material[result.draws == 0]
-    assert np.allclose(of_default, (default.metallic, default.roughness, default.specular))
 
 
 def test_many_instances_and_materials(gpu) -> None:
