@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.conventions import Reason
+from taubench_gl.demos.texts import BY_KEY, ColorBar, FigureText
 from taubench_gl.glossary import label_of
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.mask_images import as_bytes, mask_overlay
@@ -35,7 +36,7 @@ class Sheet:
 
     Lengths are in layout units, of which a sheet is WIDTH wide.
 
-    ``bars``: leave room for a color bar below each panel.  ``colors``: those of the legend.
+    ``bars``: leave room for a color bar below each panel.
     """
 
     def __init__(
@@ -51,18 +52,34 @@ class Sheet:
         self.grid_bottom = rows * (self._height + _TITLE + self._bar) + gaps if rows else 0
         self.legend_top = self.grid_bottom + below
         self.height = self.legend_top + (_LEGEND if legend else 0) + 0.5 * _PAD
-        self.colors: dict[str, RGB] = {}
+        self._plots: dict[str, dict[str, Any]] = {}
         self._figure = Figure(figsize=(WIDTH / 100, self.height / 100), facecolor=PAPER)
         FigureCanvasAgg(self._figure)
+
+    @classmethod
+    def of(cls, figure: FigureText, size: tuple[int, int]) -> Sheet:
+        """The sheet of a lesson with its legend.  ``size``: width and height of an image, in any unit."""
+        width, height = figure.ratio or size
+        legend, bar = bool(figure.legend), figure.bar
+        sheet = cls(*figure.panels, width / height, below=figure.below, legend=legend, bars=bar is not None)
+        sheet._plots = figure.plots
+        if legend:
+            rows = (reason_entries(BY_KEY[e])[0] if isinstance(e, str) else (e[0], rgb(e[1])) for e in figure.legend)
+            sheet.legend(list(rows))
+        if bar is not None:
+            sheet._color_bar(bar)
+        return sheet
 
     def axes(self, left: float, top: float, width: float, height: float) -> Any:
         """Add axes at a place from the top left of the sheet."""
         place = (left / WIDTH, 1 - (top + height) / self.height, width / WIDTH, height / self.height)
         return self._figure.add_axes(place)
 
-    def plot(self, left: float, top: float, width: float, height: float, **labels: Any) -> Any:
-        """Add the axes of a plot in the common style.  ``labels``: arguments of ``Axes.set``."""
-        axes = self.axes(left, top, width, height)
+    def plot(self, name: str, place: tuple[float, float, float, float] | None = None) -> Any:
+        """Add the axes of a plot of the lesson's figure in the common style.  ``place``: instead of its own."""
+        labels = dict(self._plots[name])
+        left, top, width, height = labels.pop("place", (0.0, 0.0, 0.0, 0.0))
+        axes = self.axes(*(place or (left, self.grid_bottom + top, width, height)))
         axes.set_facecolor(PAPER)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
@@ -93,19 +110,17 @@ class Sheet:
         top = _TITLE + row * (self._height + _TITLE + self._bar + 0.5 * _PAD)
         return left, top, self._width, self._height
 
-    def color_bar(
-        self, column: int, row: int, ticks: Sequence[tuple[float, str]], label: str, colors: str = "viridis"
-    ) -> None:
-        """Add the color bar of ``heat`` below a panel.  ``ticks``: place in [0, 1] and text."""
+    def _color_bar(self, bar: ColorBar) -> None:
+        """Add the color bar of ``heat`` below a panel of the first row."""
         import matplotlib
 
-        left, top, width, height = self.place(column, row)
+        left, top, width, height = self.place(bar.panel, 0)
         axes = self.axes(left, top + height + 10, 0.5 * width, 15)
         ramp = np.linspace(0.0, 1.0, 256)[None]
-        axes.imshow(matplotlib.colormaps[colors](ramp)[..., :3], extent=(0, 1, 0, 1), aspect="auto")
-        axes.set(yticks=[], xticks=[place for place, _ in ticks], xticklabels=[text for _, text in ticks])
+        axes.imshow(matplotlib.colormaps[bar.colors](ramp)[..., :3], extent=(0, 1, 0, 1), aspect="auto")
+        axes.set(yticks=[], xticks=[place for place, _ in bar.ticks], xticklabels=[text for _, text in bar.ticks])
         axes.tick_params(labelsize=11, colors=INK, length=3)
-        self.text(left + 0.5 * width + 16, top + height + 9, label, size=12.5)
+        self.text(left + 0.5 * width + 16, top + height + 9, bar.label, size=12.5)
 
     def panel(self, column: int, row: int, image: Array, title: str = "", text: str = "") -> Any:
         """Add an image (h, w, 3), uint8 or float in [0, 1], below its title, with a note.  -> its axes, in pixels."""
@@ -126,7 +141,6 @@ class Sheet:
         """Add a line of colors with their meaning at the bottom."""
         from matplotlib.patches import Rectangle
 
-        self.colors |= dict(entries)
         axes = self.axes(0, self.legend_top, WIDTH, _LEGEND)
         axes.set(xlim=(0, WIDTH), ylim=(_LEGEND, 0))
         axes.axis("off")

@@ -153,9 +153,11 @@ def innermost_pixel(region: Array) -> tuple[float, float]:
 
 
 def ground_distance(size: Size, eye: float, focal: float, step: float) -> Array:
-    """Distance from each point of the ground of ``ground_discards`` to that at the nearest previous pixel.  (h, w) m.
+    """Distance from level ground under a camera that moves forward to that at the nearest previous pixel.  (h, w) m.
 
-    0 above the horizon.  ``focal``: pixels.
+    0 above the horizon.  ``eye``: height of the camera, meters; ``focal``: focal length, pixels; ``step``: meters
+    between frames.  Ground y pixels below the horizon is z = eye * focal / y away and was at eye * focal / (z + step)
+    pixels; the pixel center nearest to there shows ground at another distance.
     """
     width, height = size
     below = (np.arange(height) + 0.5 - height / 2)[:, None]
@@ -174,16 +176,3 @@ def ground_distance(size: Size, eye: float, focal: float, step: float) -> Array:
 def nearest_center(place: Array, count: int) -> Array:
     """The pixel center nearest to ``place`` along an axis of ``count`` pixels, both from the middle of the image."""
     return np.floor(place + count / 2) + 0.5 - count / 2
-
-
-def ground_discards(height_px: int, eye: float, focal: float, step: float, threshold: float) -> float:
-    """Share of an image that a fixed distance discards on level ground under a camera that moves forward, %.
-
-    ``eye``: height of the camera, meters; ``focal``: focal length, pixels; ``step``: meters between frames.  Ground
-    that is y pixels below the horizon is z = eye * focal / y away and was at eye * focal / (z + step) pixels; the row
-    of pixel centers nearest to there shows ground at another distance.  ``height_px`` is even.
-    """
-    below = np.arange(0.5, height_px / 2)  # pixel centers below the horizon
-    then = eye * focal / below + step
-    nearest = np.floor(eye * focal / then) + 0.5
-    return 100.0 * float(np.sum(np.abs(eye * focal / nearest - then) > threshold)) / height_px

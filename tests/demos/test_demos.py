@@ -153,6 +153,6 @@ def test_mask_colors_differ_from_the_objects(demo, runs, gpu):
     pair = runs.pair(demo, gpu)
     for frame in (pair.before, pair.now):
         objects = rgb2lab(np.clip(frame["color"][..., :3], 0.0, 1.0))
-        for mask in demo.opening.masks:
+        for mask in demo.text.opening.reasons:
             close = np.linalg.norm(objects - rgb2lab(np.divide(color_of(mask), 255.0)), axis=-1) < CLEAR
             assert close.mean() <= 0.005, f"{demo.name}: {100 * close.mean():.1f} % look like {mask!r}"

@@ -111,19 +111,19 @@ def test_labels_of_overlapping_dots_are_moved_apart():
 
 
 def test_ground_is_kept_where_no_row_changes():
-    """One row: at y = 0.5 the ground is 193 m away; 0.1 m closer is the same row, 0.2 m is a discard of that row."""
-    assert theory.ground_discards(90, 1.6, 96.5, 0.0, 0.125) == 0.0
-    assert theory.ground_discards(2, 1.0, 96.5, 0.1, 0.125) == 0.0
-    assert theory.ground_discards(2, 1.0, 96.5, 0.2, 0.125) == 50.0
+    """One row: at y = 0.5 the ground is 193 m away; 0.1 m closer is the same row, 0.2 m is another distance."""
+    assert not np.any(theory.ground_distance((1, 90), 1.6, 96.5, 0.0) > 1e-9)
+    assert theory.ground_distance((1, 2), 1.0, 96.5, 0.1)[:, 0] == pytest.approx([0.0, 0.1])
+    assert theory.ground_distance((1, 2), 1.0, 96.5, 0.2)[:, 0] == pytest.approx([0.0, 0.2])
 
 
-def test_ground_distances_agree_with_the_rows_of_ground_discards():
-    """In the middle column the lateral part vanishes; rows there are those of the one-dimensional count."""
+def test_ground_distances_are_those_of_the_nearest_rows():
+    """In the middle column the lateral part vanishes: the row nearest to eye focal / (z + step) shows its own z."""
     height, eye, focal, step = 400, 1.6, 300.0, 1.3
     column = theory.ground_distance((1, height), eye, focal, step)[:, 0]
-    for threshold in (0.05, 0.12, 0.5, 1.2):
-        expected = theory.ground_discards(height, eye, focal, step, threshold)
-        assert 100.0 * np.mean(column > threshold) == pytest.approx(expected, abs=1e-9)
+    then = eye * focal / np.arange(0.5, height / 2) + step
+    nearest = np.floor(eye * focal / then) + 0.5
+    assert column[height // 2 :] == pytest.approx(np.abs(eye * focal / nearest - then))
     assert np.all(column[: height // 2] == 0.0)
 
 

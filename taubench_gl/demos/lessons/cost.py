@@ -12,17 +12,16 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, Screens, swept
-from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, scene, walls
-from taubench_gl.demos.sheet import BLACK, BLUE, INK, RED, Sheet, enlarged, overlay, reason_entries, scaled_to
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
+from taubench_gl.demos.lessons.features import BALL_AT, ball_distance, scene
+from taubench_gl.demos.sheet import BLACK, BLUE, INK, RED, Sheet, enlarged, overlay, scaled_to
 from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.texts import lesson_text
 from taubench_gl.evaluation import open_session
 from taubench_gl.report.plot import pareto_steps
 
-Array = np.ndarray
 Size = tuple[int, int]
-FPS, REPEATS = 4.0, 3
-SCALES = (0.25, 0.5, 1.0)
+FPS, REPEATS = lesson_text("cost").opening.settings["fps"], 3
 CONFIGURATIONS = (*((scale, 1) for scale in (0.25, 0.5, 0.75, 1.0)), (1.0, 4), (1.0, 16))
 """Resolution, samples per pixel."""
 
@@ -43,14 +42,9 @@ class Point:
 
 def discarded(size: Size, pair: int) -> Array:
     """f_pos at every pixel of the pair (``pair``, ``pair`` + 1) of FPS frames a second: rays, float64.  (h, w) bool."""
-    rays = theory.pixel_rays(size, YFOV)
-    behind, _ = walls(rays)
     start, end = np.array(BALL_AT)
-    depths = [
-        np.minimum(behind, theory.hit_sphere(np.zeros(3), rays, start + (end - start) * frame / FPS, BALL))
-        for frame in (pair, pair + 1)
-    ]
-    return np.linalg.norm(rays, axis=-1) * np.abs(depths[1] - depths[0]) > DEFAULT_THRESHOLD
+    before, now = (ball_distance(size, start + (end - start) * frame / FPS) for frame in (pair, pair + 1))
+    return np.abs(now - before) > DEFAULT_THRESHOLD
 
 
 def exact_percent(size: Size) -> float:
@@ -76,37 +70,32 @@ def slack(size: Size, samples: int = 1) -> float:
     return 600.0 * deviation / (samples * size[0] * size[1]) + FACETS
 
 
-OPENING = Opening((Reason.POSITION,), frame=2, settings={"fps": FPS})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The error and the time of each configuration."""
     size, points = stage.size, measured(stage)
     exact = exact_percent(size)
-    sheet = Sheet(3, 1, size[0] / size[1], below=360)
     details, masks = {}, []
-    for place, scale in enumerate(SCALES):
+    for place, percent in enumerate(lesson.text.parameter.values):
+        scale = percent / 100
         w, h = scaled(size, scale)
         pair = stage.evaluate(scene(), columns=("frustum", "position", "color"), fps=FPS, width=w, height=h)[1][1]
         drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
         masks.append(drawn)
         part = enlarged(drawn, int(0.3 * w), int(0.25 * h), max(w // 3, 4), max(h // 3, 4))
-        details[scale] = scaled_to(part, (size[1] // 3, size[0] // 3))
+        details[percent] = scaled_to(part, (size[1] // 3, size[0] // 3))
         text = f"error {error_at(points, scale, exact):.3f} pp"
-        sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, detail", text)
-    _front(sheet, points, exact)
-    sheet.legend(reason_entries(Reason.POSITION))
+        lesson.sheet.panel(place, 0, part, f"{percent:g} % resolution: {w} x {h}, detail", text)
+    _front(lesson.sheet, points, exact)
     numbers = {}
     for name, scale, samples in (("quarter", 0.25, 1), ("full", 1.0, 1), ("sixteen", 1.0, 16)):
         bound = slack(scaled(size, scale), samples)
         numbers[name] = error_at(points, scale, exact, samples), Expected.between(-np.inf, bound, 3)
-    parameter = swept(
-        tuple(100.0 * scale for scale in SCALES),
-        lambda p: (details[p / 100], error_at(points, p / 100, exact), 0.0, slack(scaled(size, p / 100))),
-        start=100.0 * SCALES[0],
-    )
-    screens = Screens(masks[0])
-    return Measured(numbers, sheet, parameter, screens=screens)
+
+    def at(percent: float) -> tuple[Array, float, float, float]:
+        """At ``percent`` of the resolution: the error of the share."""
+        return details[percent], error_at(points, percent / 100, exact), 0.0, slack(scaled(size, percent / 100))
+
+    return Measured(numbers, lesson.swept(at), Screens(masks[0]))
 
 
 def measured(stage: Stage) -> list[Point]:
@@ -135,11 +124,7 @@ def error_at(points: list[Point], scale: float, exact: float, samples: int = 1) 
 
 def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
     """Plot error against time, with the Pareto front and a numbered list of the configurations beside it."""
-    axes = sheet.plot(
-        96, sheet.grid_bottom + 46, 750, 240, xscale="log", yscale="log",
-        xlabel="milliseconds per frame, on this machine", ylabel="error, pp",
-        title="Error against time: each dot is a configuration",
-    )  # fmt: skip
+    axes = sheet.plot("front")
     timed_points = [(p, p.milliseconds, max(abs(p.percent - exact), 1e-4)) for p in points]
     line = pareto_steps((time, error) for _, time, error in timed_points)
     axes.step(*zip(*line), where="post", color=BLACK, linewidth=1.4, label="Pareto front")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,13 +11,12 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, percent, threshold_parameter
-from taubench_gl.demos.sheet import Sheet, as_bytes, gray_image, inset, letter, note, overlay, reason_entries, rgb
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, beyond, percent
+from taubench_gl.demos.sheet import as_bytes, gray_image, inset, letter, note, overlay
 from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage
 from taubench_gl.scene.builder import IDENTITY, turn, turn_x, turn_y
 from taubench_gl.scene.model import Primitive, Scene
 
-Array = np.ndarray
 MIN_PIXELS = 8  # smallest region with a letter
 
 # Scenes, all with the camera at the origin, and their regions in theory
@@ -114,24 +113,26 @@ def walls(direction: Array) -> tuple[Array, Array]:
     return np.where(on_floor, floor, back), normal
 
 
+def ball_distance(size: Size, at: Array) -> Array:
+    """Distance from the camera to the surface at each pixel with the ball at ``at`` (3,).  (h, w) meters."""
+    rays = theory.pixel_rays(size, YFOV)
+    depth = np.minimum(walls(rays)[0], theory.hit_sphere(np.zeros(3), rays, at, BALL))
+    return np.linalg.norm(rays, axis=-1) * depth
+
+
 def expected_ball(size: Size) -> dict[str, Array]:
     """The regions (a) and (b) of the moving ball: discards by position, by the sign of the change in distance."""
-    rays = theory.pixel_rays(size, YFOV)
-    behind, _ = walls(rays)
-    before, now = (
-        np.linalg.norm(rays, axis=-1) * np.minimum(behind, theory.hit_sphere(np.zeros(3), rays, np.array(at), BALL))
-        for at in BALL_AT
-    )
+    before, now = (ball_distance(size, np.array(at)) for at in BALL_AT)
     return {"a": now - before > DEFAULT_THRESHOLD, "b": before - now > DEFAULT_THRESHOLD}
 
 
-def expected_fan(size: Size) -> Array:
-    """The region (c): pixels of the disc that another blade covers now.  (h, w) bool."""
+def expected_fan(size: Size) -> dict[str, Array]:
+    """The region (c): pixels of the disc that another blade covers now."""
     rays = theory.pixel_rays(size, YFOV)
     x, y = rays[..., 0] * -FAN_AT[2], rays[..., 1] * -FAN_AT[2]
     angle = np.arctan2(y, x) % (2 * np.pi)
     blade, width = (lambda a: np.floor(a / width).astype(int) % BLADES), 2 * np.pi / BLADES
-    return (np.hypot(x, y) < FAN) & (blade(angle) != blade(angle - 0.5 * width))
+    return {"c": (np.hypot(x, y) < FAN) & (blade(angle) != blade(angle - 0.5 * width))}
 
 
 def sun_change(size: Size) -> tuple[Array, Array]:
@@ -161,8 +162,8 @@ def expected_sun(size: Size) -> dict[str, Array]:
     return {"d": came & bare_came, "e": went & bare_went, "f": came & ~bare_came, "g": went & ~bare_went}
 
 
-def expected_wall(size: Size) -> Array:
-    """The region (h): red light of one bounce on floor and back wall, outside the red wall itself.  (h, w) bool."""
+def expected_wall(size: Size) -> dict[str, Array]:
+    """The region (h): red light of one bounce on floor and back wall, outside the red wall itself."""
     rays = theory.pixel_rays(size, YFOV)
     behind, normal = walls(rays)
     with np.errstate(divide="ignore"):
@@ -186,17 +187,16 @@ def expected_wall(size: Size) -> Array:
         * np.linalg.norm(np.array(PANEL["color"]) * np.array(CHALK))
         / np.pi
     )
-    return before_it & ~shown & (light * factor > DEFAULT_THRESHOLD)
+    return {"h": before_it & ~shown & (light * factor > DEFAULT_THRESHOLD)}
 
 
 # Figure
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class Panel:
     """One panel of the figure.  ``measured`` and ``expected``: letter -> region (h, w) bool, measured and in theory."""
 
-    feature: str
     title: str
     pair: LitPair
     reasons: tuple[Reason, ...]
@@ -204,92 +204,51 @@ class Column:
     expected: Mapping[str, Array]
 
 
-def _position(stage: Stage) -> Column:
-    """The panel of position: (a) and (b)."""
-    pair = stage.pair(scene(), columns=("frustum", "position", "color"))
-    measured = {"a": pair.has(Reason.DISOCCLUDED), "b": pair.has(Reason.OCCLUDING)}
-    expected = expected_ball(pair.mask.shape[::-1])
-    return Column("position", "a ball moves", pair, (Reason.DISOCCLUDED, Reason.OCCLUDING), measured, expected)
-
-
-def _normal(stage: Stage) -> Column:
-    """The panel of normals: (c)."""
-    pair = stage.pair(turning_fan(), columns=("frustum", "normal", "color"))
-    expected = {"c": expected_fan(pair.mask.shape[::-1])}
-    return Column("normal", "a fan turns", pair, (Reason.NORMAL,), {"c": pair.has(Reason.NORMAL)}, expected)
-
-
-def _direct(stage: Stage) -> Column:
-    """The panel of direct light: (d) to (g)."""
-    columns = ("frustum", "direct", "color")
-    pair = stage.pair(moving_sun(), columns=columns)
+def panels(stage: Stage, ball: LitPair) -> list[Panel]:
+    """The panels of position, normal, direct and indirect.  ``ball``: the pair of the moving ball."""
+    fan = stage.pair(turning_fan(), columns=("frustum", "normal", "color"))
     # The same pair without shadows: changes that remain are due to the light's angle, the others to shadows.
-    bare = stage.pair(moving_sun(), columns=columns, shadow_lights=0)
-    lit, dark = pair.has(Reason.LIT), pair.has(Reason.SHADOWED)
-    measured = {
-        "d": lit & bare.has(Reason.LIT),
-        "e": dark & bare.has(Reason.SHADOWED),
-        "f": lit & ~bare.has(Reason.LIT),
-        "g": dark & ~bare.has(Reason.SHADOWED),
-    }
-    expected = expected_sun(pair.mask.shape[::-1])
-    return Column("direct", "a light moves", pair, (Reason.LIT, Reason.SHADOWED), measured, expected)
-
-
-def _indirect(stage: Stage) -> Column:
-    """The panel of indirect light: (h)."""
-    pair = stage.pair(
+    columns = ("frustum", "direct", "color")
+    sun, bare = (stage.pair(moving_sun(), columns=columns, **given) for given in ({}, {"shadow_lights": 0}))
+    lit, dark, bare_lit, bare_dark = (p.has(bits) for p in (sun, bare) for bits in (Reason.LIT, Reason.SHADOWED))
+    wall = stage.pair(
         appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
         indirect_samples=4096, width=4 * stage.size[1] // 3,
     )  # fmt: skip
-    measured = {"h": pair.has(Reason.INDIRECT) & ~pair.has(Reason.POSITION)}
-    expected = {"h": expected_wall(pair.mask.shape[::-1])}
-    return Column("indirect", "a red wall appears", pair, (Reason.INDIRECT,), measured, expected)
+    by_sun = {"d": lit & bare_lit, "e": dark & bare_dark, "f": lit & ~bare_lit, "g": dark & ~bare_dark}
+    by_ball = {"a": ball.has(Reason.DISOCCLUDED), "b": ball.has(Reason.OCCLUDING)}
+    by_wall = {"h": wall.has(Reason.INDIRECT) & ~wall.has(Reason.POSITION)}
+    moved, light = (Reason.DISOCCLUDED, Reason.OCCLUDING), (Reason.LIT, Reason.SHADOWED)
+    return [
+        Panel("position: a ball moves", ball, moved, by_ball, expected_ball(stage.size)),
+        Panel("normal: a fan turns", fan, (Reason.NORMAL,), {"c": fan.has(Reason.NORMAL)}, expected_fan(stage.size)),
+        Panel("direct: a light moves", sun, light, by_sun, expected_sun(stage.size)),
+        Panel("indirect: a red wall appears", wall, (Reason.INDIRECT,), by_wall, expected_wall(wall.mask.shape[::-1])),
+    ]
 
 
-COLUMNS: tuple[Callable[[Stage], Column], ...] = (_position, _normal, _direct, _indirect)
-
-
-OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING))
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """One panel per feature, with letters on the regions that it detects."""
-    columns = [make(stage) for make in COLUMNS]
-    sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
-    numbers = {}
-    for place, column in enumerate(columns):
-        marked = widened(overlay(column.pair.mask, column.pair.now["color"], *column.reasons), stage.size[0])
-        aside = (stage.size[0] - column.pair.mask.shape[1]) // 2
-        axes = sheet.panel(place % 2, place // 2, marked, f"{column.feature}: {column.title}")
-        inset(axes, widened(as_bytes(column.pair.before["color"][..., :3]), stage.size[0]), "previous frame")
-        for name, region in column.measured.items():
+    numbers, shown = {}, panels(stage, lesson.pair)
+    for place, panel in enumerate(shown):
+        marked = widened(overlay(panel.pair.mask, panel.pair.now["color"], *panel.reasons), stage.size[0])
+        aside = (stage.size[0] - panel.pair.mask.shape[1]) // 2
+        axes = lesson.sheet.panel(place % 2, place // 2, marked, panel.title)
+        inset(axes, widened(as_bytes(panel.pair.before["color"][..., :3]), stage.size[0]), "previous frame")
+        for name, region in panel.measured.items():
             if region.sum() >= MIN_PIXELS:
                 x, row = theory.innermost_pixel(region)
                 letter(axes, (x + aside, row), name)
-            numbers[name] = percent(region), Expected.share(column.expected[name])
-        shares = (f"{name} {100.0 * region.mean():.2f} %" for name, region in column.measured.items())
+            numbers[name] = percent(region), Expected.share(panel.expected[name])
+        shares = (f"{name} {percent(region):.2f} %" for name, region in panel.measured.items())
         note(axes, ", ".join(shares) + " of the image")
-    reasons = [reason for column in columns for reason in column.reasons]
-    sheet.legend(reason_entries(*reasons))
-    return Measured(numbers, sheet, _threshold(columns[2].pair))
+    sun = shown[2].pair
+    change = np.linalg.norm(sun.now["direct"][..., :3] - sun.before["direct"][..., :3], axis=-1)
+    theory_at = beyond(np.abs(sun_change(stage.size)[0]))
+    return Measured(numbers, lesson.threshold(change, gray_image(sun), theory_at, Reason.DIRECT))
 
 
 def widened(image: Array, width: int) -> Array:
     """``image`` (h, w, 3) uint8 in the middle of an image that is ``width`` pixels wide."""
     left = (width - image.shape[1]) // 2
     return np.pad(image, ((0, 0), (left, width - image.shape[1] - left), (0, 0)), constant_values=251)
-
-
-def _threshold(pair: LitPair) -> Parameter:
-    """The threshold of direct light: the share that it discards when the light moves."""
-    change = np.linalg.norm(pair.now["direct"][..., :3] - pair.before["direct"][..., :3], axis=-1)
-    size = change.shape[::-1]
-    return threshold_parameter(
-        change,
-        np.geomspace(0.01, 2.0, 47),
-        np.abs(sun_change(size)[0]),
-        gray_image(pair),
-        rgb(Reason.DIRECT),
-        start=DEFAULT_THRESHOLD,
-    )

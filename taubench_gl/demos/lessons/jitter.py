@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.animation.jitter import halton_jitter
-from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Measured, Opening, Screens, swept
-from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, enlarged, enlarged_frames, rgb
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, enlarged, enlarged_frames
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.color import display_color
@@ -18,12 +17,10 @@ from taubench_gl.reuse.frame import read_result
 from taubench_gl.scene.builder import quad, turn
 from taubench_gl.scene.model import Scene
 
-Array = np.ndarray
 YFOV, DEPTH = np.radians(42.0), 4.0
 SLOPE = 1.0 / 7.3  # pixels to the right per pixel upwards: rows meet the edge at all sub-pixel positions
 DARK, BRIGHT = 0.05, 0.8
 FRAMES, ALPHA = 40, 0.1
-ALPHAS = (0.05, 0.1, 0.2, 0.4, 0.8)
 REACH = 20  # pixels to either side of the edge in which its spread is measured
 
 Error = Callable[[Array, Array], Array]
@@ -112,12 +109,9 @@ def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[s
     return images
 
 
-OPENING = Opening((Reason.POSITION,), settings={"environment": "none"})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The spread and the shift of an edge, with right and with wrong motion vectors."""
-    weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in ALPHAS}
+    weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in lesson.text.parameter.values}
     cases = {name: (error, ALPHA) for name, (error, _) in CASES.items()}
     images = accumulated(stage, cases | weights)
     spreads = {name: measured(profile_image(image)) for name, image in images.items()}
@@ -126,11 +120,10 @@ def run(stage: Stage) -> Measured:
     side = (32, 18)
     part = (width // 2 - side[0] // 2, height // 2 - side[1] // 2, *side)
     details = {name: enlarged(shown(image), *part) for name, image in images.items()}
-    sheet = Sheet(4, 1, width / height, below=400, legend=False)
     for place, name in enumerate(CASES):
         text = f"spread {spreads[name].sigma:.2f} px, shift {spreads[name].shift:+.2f} px"
-        sheet.panel(place, 0, details[name], name, text)
-    _plot(sheet, {name: images[name] for name in CASES}, spreads)
+        lesson.sheet.panel(place, 0, details[name], name, text)
+    _plot(lesson.sheet, {name: images[name] for name in CASES}, spreads)
     right, left_in, sign, forgotten = CASES
     numbers = {
         "left_in": (spreads[left_in].sigma, _near(theory[left_in].sigma)),
@@ -139,17 +132,13 @@ def run(stage: Stage) -> Measured:
         "shift_one_frame": (spreads[forgotten].shift, Expected.near(theory[forgotten].shift, 0.03)),
         "shift_removed": (spreads[right].shift, Expected.near(theory[right].shift, 0.03)),
     }
-    colors = {name: rgb(color) for name, (_, color) in CASES.items()}
-    names = dict(zip(ALPHAS, weights))
-    parameter = swept(
-        ALPHAS,
-        lambda a: (details[names[a]], spreads[names[a]].sigma, theory[names[a]].sigma, 0.03 * theory[names[a]].sigma),
-        start=ALPHA,
-    )
-    pair = stage.pair(scene(), columns=("frustum", "color"), environment="none")
-    text = f"After {FRAMES} frames with jitter in the motion vectors, enlarged."
-    screens = Screens(details[left_in], enlarged_frames(pair, *part))
-    return Measured(numbers, sheet, parameter, colors, screens)
+
+    def at(alpha: float) -> tuple[Array, float, float, float]:
+        """With a weight ``alpha`` of the new frame: the spread of the edge with jitter in the motion vectors."""
+        name = f"{alpha:g}"
+        return details[name], spreads[name].sigma, theory[name].sigma, 0.03 * theory[name].sigma
+
+    return Measured(numbers, lesson.swept(at), Screens(details[left_in], enlarged_frames(lesson.pair, *part)))
 
 
 def _near(value: float) -> Expected:
@@ -169,10 +158,7 @@ def shown(image: Array) -> Array:
 
 def _plot(sheet: Sheet, images: Mapping[str, Array], spreads: Mapping[str, Spread]) -> None:
     """Plot the profile across the edge of each image: all rows, by their distance from the true edge."""
-    axes = sheet.plot(
-        88, sheet.grid_bottom + 44, 1150, 292, xlabel="distance from the edge, px", ylabel="0: dark, 1: bright",
-        title="Profile across the edge, all rows", xlim=(-5, 5), ylim=(-0.05, 1.05),
-    )  # fmt: skip
+    axes = sheet.plot("profile")
     for name, image in images.items():
         height, width = image.shape[:2]
         row = np.arange(height // 4, 3 * height // 4)

@@ -6,14 +6,13 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, threshold_parameter
-from taubench_gl.demos.sheet import BLACK, Sheet, gray_image, note, overlay, reason_entries, rgb
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, beyond
+from taubench_gl.demos.sheet import BLACK, Sheet, gray_image, note, overlay
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, LEAF, SAND, Props, Stage
 from taubench_gl.report.palette import hex_of
 from taubench_gl.report.run_plots import discard_curve
 from taubench_gl.scene.model import Scene
 
-Array = np.ndarray
 Size = tuple[int, int]
 YFOV = np.radians(45.0)
 WALL, KEYS = -6.0, -4.8
@@ -56,10 +55,7 @@ def distances(size: Size) -> Array:
     return np.linalg.norm(rays, axis=-1) * np.abs(depths[1] - depths[0])
 
 
-OPENING = Opening((Reason.POSITION,), settings={"shadow_lights": 0})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The masks of three thresholds, and the curve of all."""
     results, masks = {}, {}
     for threshold in SHOWN.values():
@@ -70,7 +66,7 @@ def run(stage: Stage) -> Measured:
     summary = results[DEFAULT_THRESHOLD].summary
     edges, percent = discard_curve(summary["curves"]["position"], stage.pixels)
     expected = distances(stage.size)
-    sheet = Sheet(3, 1, stage.size[0] / stage.size[1], below=356)
+    sheet = lesson.sheet
     for place, threshold in enumerate(SHOWN.values()):
         pair = masks[threshold]
         marked = overlay(pair.mask, pair.now["color"], Reason.POSITION)
@@ -78,7 +74,6 @@ def run(stage: Stage) -> Measured:
         note(axes, f"{pair.percent(Reason.POSITION):.2f} % discarded")
         _name_keys(axes, stage.size)
     _staircase(sheet, edges, percent, expected, masks)
-    sheet.legend([*reason_entries(Reason.POSITION)])
     numbers = {}
     for name in ("paper", "cm_3", "cm_50"):
         numbers[name] = masks[SHOWN[name]].percent(Reason.POSITION), Expected.share(expected > SHOWN[name])
@@ -89,10 +84,7 @@ def run(stage: Stage) -> Measured:
     numbers["curve"] = float(off), Expected.near(0.0, 0.0, 0)
     pair = masks[DEFAULT_THRESHOLD]
     moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
-    parameter = threshold_parameter(
-        moved, np.geomspace(0.005, 2.0, 53), expected, gray_image(pair), rgb(Reason.POSITION), start=DEFAULT_THRESHOLD
-    )
-    return Measured(numbers, sheet, parameter)
+    return Measured(numbers, lesson.threshold(moved, gray_image(pair), beyond(expected), Reason.POSITION))
 
 
 def _just_below(value: float) -> float:
@@ -117,11 +109,8 @@ def _name_keys(axes: object, size: Size) -> None:
 
 def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, masks: dict) -> None:
     """Plot the recorded discard rate against the threshold, with its theory and the counts of the masks."""
-    axes = sheet.plot(
-        80, sheet.grid_bottom + 46, 1160, 240, xscale="log", xlim=(0.004, 3.0), ylim=(0, 1.08 * percent.max()),
-        xlabel="position threshold, meters", ylabel="discarded, %",
-        title="Discard rate at each threshold",
-    )  # fmt: skip
+    axes = sheet.plot("rate")
+    axes.set_ylim(0, 1.08 * percent.max())
     axes.plot(edges, percent, color=hex_of("position"), linewidth=2.6, label="recorded by the run")
     line = np.logspace(-2.4, 0.5, 1200)
     ordered = np.sort(expected.ravel())
