@@ -53,6 +53,7 @@ class Sheet:
         self.legend_top = self.grid_bottom + below
         self.height = self.legend_top + (_LEGEND if legend else 0) + 0.5 * _PAD
         self._plots: dict[str, dict[str, Any]] = {}
+        self._keys: list[tuple[Any, dict[str, Any]]] = []
         self._figure = Figure(figsize=(WIDTH / 100, self.height / 100), facecolor=PAPER)
         FigureCanvasAgg(self._figure)
 
@@ -80,6 +81,7 @@ class Sheet:
         labels = dict(self._plots[name])
         left, top, width, height = labels.pop("place", (0.0, 0.0, 0.0, 0.0))
         axes = self.axes(*(place or (left, self.grid_bottom + top, width, height)))
+        self._keys.append((axes, {"frameon": False, "fontsize": 12} | labels.pop("key")))
         axes.set_facecolor(PAPER)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
@@ -99,10 +101,6 @@ class Sheet:
         """Add measured numbers to a plot."""
         dots = {"marker": "o", "linestyle": "", "markeredgecolor": "black", "markersize": 8}
         axes.plot(x, y, color=BLUE, label=label, **dots | style)
-
-    def key(self, axes: Any, place: str, **options: Any) -> None:
-        """Add the legend of a plot.  ``place``: as Matplotlib's ``loc``."""
-        axes.legend(**{"frameon": False, "fontsize": 12, "loc": place} | options)
 
     def place(self, column: int, row: int) -> tuple[float, float, float, float]:
         """The place of a panel on the sheet: left, top, width and height."""
@@ -159,6 +157,8 @@ class Sheet:
 
     def save(self, path: Path) -> Path:
         """Write the sheet as PNG, whole or not at all.  Raises OutputError."""
+        for axes, options in self._keys:
+            axes.legend(**options)
         buffer = io.BytesIO()
         self._figure.savefig(buffer, dpi=_DPI, format="png", facecolor=PAPER)
         write_atomically(path, buffer.getvalue())

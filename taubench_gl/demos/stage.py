@@ -44,7 +44,6 @@ class LitPair:
     motion: Array  # (h, w, 2) previous - current, pixels, +x right, +y down; 0 behind the camera
     now: Mapping[str, Array]
     before: Mapping[str, Array]
-    row: Mapping[str, Any]  # row of frames.csv
 
     def has(self, bits: int) -> Array:
         """Which pixels have any of ``bits``.  (h, w) bool."""
@@ -106,7 +105,7 @@ class Stage:
         def keep(pair: Pair) -> None:
             names = [n for n in pair.source.channels if n in pair.source.current]
             now, before = ({n: pair.source.read(n, previous=old) for n in names} for old in (False, True))
-            pairs.append(LitPair(pair.mask, pair.motion, now, before, dict(pair.row)))
+            pairs.append(LitPair(pair.mask, pair.motion, now, before))
 
         camera = camera or choose_camera(scene, stage_settings.sequence.camera)
         run = evaluate_scene(scene, stage_settings, Observers(on_pair=keep, channels=tuple(extra)), camera=camera)

@@ -90,7 +90,8 @@ class FigureText(Struct, frozen=True, forbid_unknown_fields=True):
 
     ``panels``: columns and rows; ``ratio``: width and height of a panel, where it is not that of the stage; ``below``:
     room for plots; ``bar``: below a panel; ``legend``: keys of reasons, or texts with ``#rrggbb``; ``plots``: by name,
-    the arguments of ``Axes.set``, and ``place``: left, top below the panels, width, height.
+    the arguments of ``Axes.set``, ``place`` (left, top below the panels, width, height), and ``key``, the arguments of
+    ``Axes.legend``.
     """
 
     panels: tuple[int, int]

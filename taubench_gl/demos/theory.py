@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_cdt
 
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import rays
@@ -89,12 +90,7 @@ def hit_sphere(origin: Array, direction: Array, center: Array, radius: float) ->
 
 def edge_pixels(region: Array) -> int:
     """Number of pixels on both sides of the edge of a region (h, w) bool, where rounding may change the result."""
-    padded = np.pad(region, 1, mode="edge")
-    changes = np.zeros_like(region)
-    for rows, columns in ((slice(2, None), slice(1, -1)), (slice(None, -2), slice(1, -1)),
-                          (slice(1, -1), slice(2, None)), (slice(1, -1), slice(None, -2))):  # fmt: skip
-        changes |= padded[rows, columns] != region
-    return int(changes.sum())
+    return int(np.sum(binary_dilation(region) ^ binary_erosion(region, border_value=1)))
 
 
 def share_deviation(share: float, count: float) -> float:
@@ -139,17 +135,10 @@ def innermost_pixel(region: Array) -> tuple[float, float]:
     """The pixel (x, row) of a region that is farthest from its edge.  Raises ValueError for an empty region."""
     if not region.any():
         raise ValueError("an empty region has no innermost pixel")
-    remaining = np.pad(region, 1)
-    while True:
-        core = remaining[1:-1, 1:-1]
-        smaller = np.pad(
-            core & remaining[:-2, 1:-1] & remaining[2:, 1:-1] & remaining[1:-1, :-2] & remaining[1:-1, 2:], 1
-        )
-        if not smaller.any():
-            rows, columns = np.nonzero(core)
-            nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
-            return float(columns[nearest]), float(rows[nearest])
-        remaining = smaller
+    depth = distance_transform_cdt(np.pad(region, 1), "taxicab")[1:-1, 1:-1]
+    rows, columns = np.nonzero(depth == depth.max())
+    nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+    return float(columns[nearest]), float(rows[nearest])
 
 
 def ground_distance(size: Size, eye: float, focal: float, step: float) -> Array:

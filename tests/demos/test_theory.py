@@ -13,7 +13,6 @@ from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.demos import theory
 from taubench_gl.demos.lessons import half, jitter
-from taubench_gl.demos.lessons.cost import beside
 from taubench_gl.demos.lessons.counting import compensated_sum, plain_sums, rounded_sum
 from taubench_gl.demos.lessons.noise import expected_many_samples, expected_one_sample
 from taubench_gl.metrics.counts import bin_of, edges
@@ -100,14 +99,6 @@ def test_innermost_pixel_of_a_region():
     assert row == 5 and 6 <= x <= 16
     with pytest.raises(ValueError):
         theory.innermost_pixel(np.zeros((3, 3), dtype=bool))
-
-
-def test_labels_of_overlapping_dots_are_moved_apart():
-    alone, pair, same = (0.0, 0.0), [(100.0, 0.0), (106.0, 8.0)], [(50.0, 50.0)] * 2
-    where = beside(np.array([alone, *pair, *same]), 17.0)
-    assert where[0] == (0.0, 0.0)
-    assert where[1] == pytest.approx((-10.2, -13.6)) and where[2] == pytest.approx((10.2, 13.6))  # along (3, 4) / 5
-    assert where[3:] == [(-17.0, 0.0), (17.0, 0.0)]
 
 
 def test_ground_is_kept_where_no_row_changes():

@@ -121,7 +121,6 @@ def _plot_sums(sheet: Sheet, term: int) -> None:
     axes.plot(at, np.maximum(errors, 1e-10), color=BLUE, linewidth=1.6, marker="o", label="compensated float32")
     axes.axhline(1e-10, color=BLACK, linewidth=3, label="integers: exact")
     axes.axhline(2.0**-24, color="#777777", linewidth=1, linestyle="--", label="2^-24")
-    sheet.key(axes, "upper left", fontsize=11, ncols=2)
 
 
 def _plot_curves(sheet: Sheet, moved: Array) -> None:
@@ -133,4 +132,3 @@ def _plot_curves(sheet: Sheet, moved: Array) -> None:
         shares = [100.0 * curve_at(moved, threshold, bits) / moved.size for threshold in line]
         axes.plot(line, shares, color=color, linewidth=width, label=f"{1 << bits} bin{'s' * (bits > 0)} per octave")
     axes.axvline(THRESHOLD, color="#777777", linewidth=1, linestyle="--")
-    sheet.key(axes, "upper right", fontsize=11)

@@ -102,4 +102,3 @@ def _plot(sheet: Sheet, parameter: Parameter, metered: float, size: Size) -> Non
     for stop, name in ((0.0, "exposure 1"), (float(np.log2(metered)), "metered")):
         axes.axvline(stop, color="#777777", linewidth=1, linestyle="--")
         axes.text(stop + 0.32, 30, name, fontsize=12, rotation=90, ha="right", va="center")
-    sheet.key(axes, "upper left")

@@ -134,4 +134,3 @@ def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
         ages, size = sorted(trail.weights), MARKER_PT[i]
         values = [100 * trail.weights[a] for a in ages]
         axes.plot(ages, values, marker=marker, markersize=size, color=color, linewidth=size / 3, label=name)
-    sheet.key(axes, "upper right")

@@ -6,7 +6,7 @@ import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
-from taubench_gl.demos.sheet import BLACK, BLUE, PAPER, RED, Sheet, heat, note, rgb
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import IDENTITY, turn
 from taubench_gl.scene.model import Scene
@@ -112,12 +112,8 @@ def _staircase(sheet: Sheet, motion: Array, error: Array) -> None:
     left, top, width, height = sheet.place(1, 0)
     axes = sheet.plot("error", (left + 66, top, width - 66, height))
     pick = np.linspace(0, len(motion) - 1, min(len(motion), 12000)).astype(int)
-    axes.scatter(
-        motion[pick], error[pick], s=2, color=BLUE, alpha=0.35, linewidths=0, rasterized=True, label="measured"
-    )
+    axes.scatter(motion[pick], error[pick], s=2, color=BLUE, alpha=0.35, linewidths=0, rasterized=True)
+    axes.scatter([], [], s=30, color=BLUE, linewidths=0, label="measured")  # for the key
     line = np.linspace(1.0, motion.max(), 3000)
     axes.plot(line, 0.5 * half_step(line), color=BLACK, linewidth=2, label="theory: half a spacing")
     axes.set_xlim(0, 1.02 * motion.max())
-    legend = axes.legend(fontsize=12, loc="upper left", facecolor=PAPER, edgecolor="none", framealpha=0.9)
-    for handle in legend.legend_handles[:1]:
-        handle.set(sizes=[30], alpha=1.0)

@@ -169,4 +169,3 @@ def _plot(sheet: Sheet, images: Mapping[str, Array], spreads: Mapping[str, Sprea
         which = np.digitize(place, bins)
         middle = [value[which == i].mean() for i in range(1, len(bins))]
         axes.plot(bins[:-1] + 0.0625, middle, color=CASES[name][1], linewidth=2.2, label=name)
-    sheet.key(axes, "lower right")

@@ -124,5 +124,3 @@ def _plot(sheet: Sheet, light: Mapping[str, Mapping[float, float]]) -> None:
     for (name, left), color in zip(light.items(), (BLACK, RED)):
         axes.plot(list(left), list(left.values()), "o-", color=color, linewidth=2, markersize=8, label=name)
     axes.minorticks_off()
-    axes.set_xticks(list(left), [f"{width:g}" for width in left])
-    sheet.key(axes, "center right")

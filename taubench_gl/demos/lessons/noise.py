@@ -115,5 +115,3 @@ def _plot(sheet: Sheet, shares: dict[int, float], per_lamp: Array) -> None:
     sheet.theory(axes, line, [expected_many_samples(per_lamp, int(n)) for n in line], "theory: central limit theorem")
     axes.plot([1], [expected_one_sample(per_lamp)], "D", color=BLACK, markersize=11, label="theory: all pairs of lamps")
     sheet.dots(axes, list(shares), list(shares.values()), zorder=5)
-    axes.set_xticks([1, 4, 16, 64, 256, 1000], ["1", "4", "16", "64", "256", "1000"])
-    sheet.key(axes, "upper right")

@@ -150,12 +150,10 @@ def _figure(lesson: Lesson, pair: PairImages, shift: Array, parameter: Parameter
     axes = sheet.plot("row")
     axes.plot(columns, exact, color=BLUE, linewidth=1.6, label="exact")
     axes.step(columns, exact + shift[row, columns, 0], where="mid", color=RED, linewidth=2, label="stored, float32")
-    sheet.key(axes, "upper left")
     axes.margins(y=0.25)
     axes = sheet.plot("motion")
     sheet.theory(axes, parameter.values, parameter.expected)
     sheet.dots(axes, parameter.values, parameter.measured)
-    sheet.key(axes, "upper left")
 
 
 def column_front(pair: PairImages, row: int, before: int) -> tuple[int, int, int, int]:

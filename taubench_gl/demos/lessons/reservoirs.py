@@ -150,5 +150,3 @@ def _plot(sheet: Sheet, memories: Mapping[int, Memory]) -> None:
         shares = [100 * remembered(limit, int(n))[0] for n in frames]
         axes.plot(frames, shares, color=BLACK, linewidth=1.4, linestyle="--", label="theory" if i == 0 else None)
         axes.plot(frames, 100 * np.array(memory.shares), "osD^v"[i], color=BLUE, markersize=8, label=f"limit {limit}")
-    axes.set_xticks(frames)
-    sheet.key(axes, "upper left", ncols=3)

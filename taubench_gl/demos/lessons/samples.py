@@ -99,6 +99,3 @@ def _plots(
     normal = line[line >= 4]
     sheet.theory(right, normal, [normal_change(DEFAULT_THRESHOLD, sigma, n) for n in normal], "theory: normal noise")
     sheet.dots(right, list(rejected), list(rejected.values()), "N frames")
-    for axes in (left, right):
-        axes.set_xticks([1, 4, 16, 64, 256], ["1", "4", "16", "64", "256"])
-        sheet.key(axes, "upper right")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
@@ -107,7 +108,6 @@ def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
     for sampling, color in (("nearest", RED), ("bilinear", BLUE)):
         axes.plot(columns, 100.0 * distance(pairs[sampling], sampling)[row, columns], color=color, linewidth=2,
                   label=sampling)  # fmt: skip
-    sheet.key(axes, "upper right")
 
 
 def discarded(color: Array, pair: PairImages) -> Array:
@@ -118,10 +118,7 @@ def discarded(color: Array, pair: PairImages) -> Array:
 def side_wall(pair: PairImages) -> Array:
     """Pixels of the side wall whose neighbors also show it.  (h, w) bool."""
     wall = pair.surface & (np.abs(pair.current["normal"][..., 0]) > 0.9)
-    inner = wall.copy()
-    inner[:, 2:-2] &= wall[:, :-4] & wall[:, 4:]
-    inner[:, :2] = inner[:, -2:] = False
-    return inner
+    return binary_erosion(wall, [[True, False, True, False, True]])
 
 
 def sample_distance(size: tuple[int, int]) -> Array:

@@ -121,4 +121,3 @@ def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, mask
         axes.plot([threshold], [value], "o", color=hex_of("position"), markeredgecolor="black", markersize=9, zorder=5)
         name = "32/255" if threshold == DEFAULT_THRESHOLD else f"{threshold:g}"
         axes.annotate(f"{name} m: {value:.1f} %", (threshold, value), (8, 9), textcoords="offset points", fontsize=12)
-    sheet.key(axes, "upper right")
