@@ -12,6 +12,7 @@ import numpy as np
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.texts import BY_KEY, ColorBar, FigureText
 from taubench_gl.glossary import label_of
+from taubench_gl.metrics.color import display_color
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.mask_images import as_bytes, mask_overlay
 from taubench_gl.report.palette import REASON_COLORS, RGB, SERIES_COLORS, color_of
@@ -246,6 +247,11 @@ def gray_image(pair: LitPair) -> Array:
     return overlay(np.zeros_like(pair.mask), pair.now["color"])
 
 
+def displayed(radiance: Array) -> Array:
+    """Linear radiance (h, w, 3) as a display color, without exposure.  (h, w, 3) in [0, 1]."""
+    return display_color(np.maximum(radiance.astype(np.float64), 0.0))
+
+
 def heat(values: Array, top: float, colors: str = "viridis") -> Array:
     """(h, w) in [0, top] through a color map, NaN as light gray.  (h, w, 3) float."""
     import matplotlib
@@ -257,6 +263,11 @@ def heat(values: Array, top: float, colors: str = "viridis") -> Array:
 def enlarged(image: Array, left: int, top: int, width: int, height: int) -> Array:
     """The part of an image (h, w, ...) with its top left pixel at (``left``, ``top``), for an enlarged panel."""
     return image[top : top + height, left : left + width]
+
+
+def magnified(image: Array) -> Array:
+    """``image`` (h, w, ...) at four times its width and height."""
+    return image.repeat(4, axis=0).repeat(4, axis=1)
 
 
 def scaled_to(image: Array, shape: tuple[int, int]) -> Array:

@@ -16,9 +16,6 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers, Pair, evaluate_scene
-from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
@@ -28,7 +25,7 @@ from taubench_gl.run import Run
 from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_x, turn_y
 from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
 Array = np.ndarray
 SIZE = (480, 270)
@@ -89,8 +86,7 @@ class Stage:
 
         ``settings``: fields of Settings; the defaults are one frame per second and no indirect light.
         """
-        defaults = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none", **FIXED_LIGHTING}
-        return Settings(**(defaults | settings | {"backend": self.gpu.backend, "device": self.device}))
+        return self.bench.settings_of({"fps": 1.0, "light": "auto"} | settings)
 
     def evaluate(
         self, scene: Scene, *, camera: CameraTrack | None = None, extra: Sequence[str] = (), **settings: Any
@@ -114,19 +110,6 @@ class Stage:
     def pair(self, scene: Scene, **settings: Any) -> LitPair:
         """The first pair of ``scene``: its frames at 0 and 1 second."""
         return self.evaluate(scene, frames=(0, 2), **settings)[1][0]
-
-    def direct_light(
-        self, scene: Scene, frames: Sequence[int], shading: Shading | None = None, **settings: Any
-    ) -> Array:
-        """Direct radiance of ``frames``, (frames, h, w, 3) float64.  ``settings``: fields of Settings."""
-        stage_settings = self.settings(columns=("direct",), **settings)
-        with GpuOwner(self.gpu) as owner:
-            source = owner.open_source(AnimatedScene(scene), stage_settings, shading=shading or Shading())
-            images = []
-            for frame in frames:
-                source.advance(frame)
-                images.append(source.read("direct")[..., :3].astype(np.float64))
-        return np.stack(images)
 
     @contextlib.contextmanager
     def reuse(

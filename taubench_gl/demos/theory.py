@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_cdt
 
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import rays
@@ -90,6 +89,8 @@ def hit_sphere(origin: Array, direction: Array, center: Array, radius: float) ->
 
 def edge_pixels(region: Array) -> int:
     """Number of pixels on both sides of the edge of a region (h, w) bool, where rounding may change the result."""
+    from scipy.ndimage import binary_dilation, binary_erosion  # imported late: 0.2 s
+
     return int(np.sum(binary_dilation(region) ^ binary_erosion(region, border_value=1)))
 
 
@@ -135,6 +136,8 @@ def innermost_pixel(region: Array) -> tuple[float, float]:
     """The pixel (x, row) of a region that is farthest from its edge.  Raises ValueError for an empty region."""
     if not region.any():
         raise ValueError("an empty region has no innermost pixel")
+    from scipy.ndimage import distance_transform_cdt
+
     depth = distance_transform_cdt(np.pad(region, 1), "taxicab")[1:-1, 1:-1]
     rows, columns = np.nonzero(depth == depth.max())
     nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)

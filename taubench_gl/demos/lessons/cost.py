@@ -113,9 +113,10 @@ def _front(sheet: Sheet, points: Mapping[Configuration, tuple[float, float]]) ->
     for i, (ms, error, scale, samples) in enumerate(by_time, start=1):
         color = RED if (ms, error) in line else BLUE
         axes.plot([ms], [error], "o", color=color, markeredgecolor="black", markersize=9, zorder=4)
-        # Above and below in turn: dots that are close in time have numbers on two sides.
-        axes.annotate(str(i), (ms, error), (0, 14 if i % 2 else -14), textcoords="offset points", color=color,
-                      fontsize=11, fontweight="bold", ha="center", va="center", zorder=5)  # fmt: skip
+        # The front comes from above and goes on to the right: two other sides, in turn for dots that are close.
+        side = 1 if i % 2 else -1
+        axes.annotate(str(i), (ms, error), (10 * side, 9 * side), textcoords="offset points", color=color, fontsize=11,
+                      fontweight="bold", ha="center", va="center", zorder=5)  # fmt: skip
         name = f"{100 * scale:g} %, {samples} sample{'s' if samples > 1 else ''}"
         place = 880, sheet.grid_bottom + 48 + 31 * (i - 1)
         sheet.text(*place, f"{i}   {name}: {error:.3f} pp, {ms:.1f} ms", size=12, color=color)

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
-from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, displayed
 from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.demos.texts import lesson_text
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.response import response_frames
 from taubench_gl.scene.builder import sphere
@@ -98,7 +97,7 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
     trails = {name: images[name] for name in texts}
     for place, (name, trail) in enumerate(trails.items()):
         text = f"{100 * trail.weights.get(AGE, np.nan):.1f} % after {AGE} frames"
-        lesson.sheet.panel(place, 0, shown(trail.image), name, text)
+        lesson.sheet.panel(place, 0, displayed(trail.image), name, text)
     _plot(lesson.sheet, trails)
     first, clamped, tested, ideal = trails
     left, tenth = 100 * (1 - ALPHA) ** AGE, math.ceil(math.log(0.1) / (2 * math.log(1 - ALPHA)))
@@ -113,15 +112,10 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
     def at(alpha: float) -> tuple[Array, float, float, float]:
         """With a weight ``alpha`` of the new frame: what remains of the ball in history that is not tested."""
         trail, left = images[f"{alpha:g}"], 100.0 * (1.0 - alpha) ** AGE
-        return shown(trail.image), 100.0 * trail.weights[AGE], left, 0.01 * left + 1e-3
+        return displayed(trail.image), 100.0 * trail.weights[AGE], left, 0.01 * left + 1e-3
 
     parameter = lesson.swept(at)
     return Measured(numbers, parameter, Screens(parameter.picture(parameter.start)))
-
-
-def shown(image: Array) -> Array:
-    """Linear radiance (h, w, 3) as a display color, (h, w, 3) in [0, 1]."""
-    return display_color(np.maximum(image.astype(np.float64), 0.0), 1.0, "linear")
 
 
 def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:

@@ -9,10 +9,9 @@ import numpy as np
 
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
-from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, enlarged, enlarged_frames
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, displayed, enlarged, enlarged_frames
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import write_channel
-from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.scene.builder import quad, turn
 from taubench_gl.scene.model import Scene
@@ -119,7 +118,7 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
     width, height = stage.size
     side = (32, 18)
     part = (width // 2 - side[0] // 2, height // 2 - side[1] // 2, *side)
-    details = {name: enlarged(shown(image), *part) for name, image in images.items()}
+    details = {name: enlarged(displayed(image), *part) for name, image in images.items()}
     for place, name in enumerate(CASES):
         text = f"spread {spreads[name].sigma:.2f} px, shift {spreads[name].shift:+.2f} px"
         lesson.sheet.panel(place, 0, details[name], name, text)
@@ -149,11 +148,6 @@ def _near(value: float) -> Expected:
 def profile_image(image: Array) -> Array:
     """Radiance (h, w, 3) as 0 on the dark and 1 on the bright side.  (h, w)."""
     return (image[..., 0] - DARK) / (BRIGHT - DARK)
-
-
-def shown(image: Array) -> Array:
-    """Linear radiance (h, w, 3) as a display color, (h, w, 3) in [0, 1]."""
-    return display_color(image, 1.0, "linear")
 
 
 def _plot(sheet: Sheet, images: Mapping[str, Array], spreads: Mapping[str, Spread]) -> None:

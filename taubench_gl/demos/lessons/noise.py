@@ -9,11 +9,10 @@ import numpy as np
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens, percent
-from taubench_gl.demos.sheet import BLACK, Sheet, as_bytes, overlay
+from taubench_gl.demos.sheet import BLACK, Sheet, as_bytes, displayed, overlay
 from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.shading import Shading
-from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
 
 LAMPS = ((-2.2, 0.9, -4.6), (-0.8, 0.9, -2.6), (0.8, 0.9, -5.4), (2.2, 0.9, -3.4))
@@ -34,7 +33,7 @@ def scene(lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> Scene:
 def direct_light(stage: Stage, room: Scene, frames: tuple[int, ...], samples: int) -> Array:
     """Direct radiance of frames, (frames, h, w, 3).  ``samples``: random light samples per pixel; 0: all lamps."""
     shading = Shading(light_samples=samples, indirect_samples=samples)
-    return stage.direct_light(room, frames, shading)
+    return np.stack([shot.direct for shot in stage.bench.shots(room, frames, shading=shading)])
 
 
 def expected_one_sample(per_lamp: Array, threshold: float = DEFAULT_THRESHOLD) -> float:
@@ -67,11 +66,11 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
         pair = stage.bench.compare({"direct": now}, {"direct": before})
         first = (before, now) if first is None else first
         shares[samples] = percent(pair.has(Reason.DIRECT))
-        shown = display_color(now, 1.0, "linear")
+        shown = displayed(now)
         sheet.panel(place, 0, shown, f"{samples} sample{'s' if samples > 1 else ''} per pixel")
         marked = overlay(pair.mask, shown, Reason.DIRECT)
         sheet.panel(place, 1, marked, "mask", f"{shares[samples]:.1f} % discarded")
-        screens = screens or Screens(marked, (display_color(before, 1.0, "linear"), shown))
+        screens = screens or Screens(marked, (displayed(before), shown))
     exact = direct_light(stage, still, (0, 1), 0)
     none = percent(stage.bench.compare({"direct": exact[1]}, {"direct": exact[0]}).has(Reason.DIRECT))
     gaussian = _gaussian(stage)
@@ -90,7 +89,7 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
         return share, _slack(min(max(share, 0.1), 99.9), stage)
 
     before, now = first
-    base = as_bytes(np.repeat(display_color(now, 1.0, "linear").mean(axis=-1, keepdims=True), 3, axis=-1))
+    base = as_bytes(np.repeat(displayed(now).mean(axis=-1, keepdims=True), 3, axis=-1))
     parameter = lesson.threshold(np.linalg.norm(now - before, axis=-1), base, theory_at, Reason.DIRECT)
     return Measured(numbers, parameter, screens)
 

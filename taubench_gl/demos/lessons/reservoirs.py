@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
-from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, rgb, scaled_to
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, displayed, magnified, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.demos.texts import lesson_text
 from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.sample_rays import SampleRays
@@ -122,7 +121,7 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
     for place, (limit, one) in enumerate(memories.items()):
         lesson.sheet.panel(place, 0, lamps_held(one.held), f"limit {limit}", f"{100 * one.shares[-1]:.1f} %")
     _plot(lesson.sheet, memories)
-    frames = tuple(enlarged(display_color(image.astype(np.float64), 1.0, "linear")) for image in images)
+    frames = tuple(magnified(displayed(image)) for image in images)
 
     def at(limit: float) -> tuple[Array, float, float, float]:
         """With history that stands for ``limit`` frames: the share of reservoirs that hold the new lamp."""
@@ -132,14 +131,9 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
     return Measured(numbers, lesson.swept(at), Screens(lamps_held(memory.held), frames))
 
 
-def enlarged(image: Array) -> Array:
-    """An image (h, w, 3) at four times its width and height."""
-    return scaled_to(image, (SIZE[1] * 4, SIZE[0] * 4))
-
-
 def lamps_held(held: Array) -> Array:
     """Pixels that hold the first lamp and the second one, enlarged, (4 h, 4 w, 3) uint8."""
-    return enlarged(np.where((held == 1)[..., None], np.uint8(rgb(RED)), np.uint8(rgb(BLACK))))
+    return magnified(np.where((held == 1)[..., None], np.uint8(rgb(RED)), np.uint8(rgb(BLACK))))
 
 
 def _plot(sheet: Sheet, memories: Mapping[int, Memory]) -> None:

@@ -8,11 +8,10 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens, percent
-from taubench_gl.demos.sheet import RED, Sheet, as_bytes, overlay, scaled_to
+from taubench_gl.demos.sheet import RED, Sheet, as_bytes, displayed, magnified, overlay
 from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.demos.texts import lesson_text
 from taubench_gl.demos.theory import normal_change
-from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.builder import quad, turn_x
 from taubench_gl.scene.model import Scene
 
@@ -34,7 +33,8 @@ def scene() -> Scene:
 
 def light(stage: Stage, samples: int, frames: int) -> Array:
     """Direct light of ``frames`` frames with independent numbers.  (frames, h, w, 3)."""
-    return stage.direct_light(scene(), range(frames), **PATHS | {"spp": samples, "width": SIZE[0], "height": SIZE[1]})
+    settings = PATHS | {"spp": samples, "width": SIZE[0], "height": SIZE[1]}
+    return np.stack([shot.direct for shot in stage.bench.shots(scene(), range(frames), **settings)])
 
 
 def means(frames: Array, count: int) -> Array:
@@ -57,7 +57,7 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
     masks = {count: stage.bench.compare({"direct": b}, {"direct": a}).mask for count, (a, b) in pairs.items()}
     rejected = {count: percent((mask & Reason.DIRECT) != 0) for count, mask in masks.items()}
     for place, count in enumerate(SHOWN):
-        image = overlay(masks[count], display_color(pairs[count][1]), Reason.DIRECT)
+        image = overlay(masks[count], displayed(pairs[count][1]), Reason.DIRECT)
         text = f"{rejected[count]:.1f} % discarded, noise {noises[count]:.4f}"
         lesson.sheet.panel(
             place, 0, image, f"mean of {count} frame{'s' * (count > 1)}, one sample per pixel each", text
@@ -82,7 +82,7 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
 
 def mean_image(light: Array) -> Array:
     """Direct light (h, w, 3) as an enlarged image, uint8."""
-    return as_bytes(scaled_to(display_color(light), (SIZE[1] * 4, SIZE[0] * 4)))
+    return as_bytes(magnified(displayed(light)))
 
 
 def _plots(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.ndimage import binary_erosion
 
 from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
@@ -118,6 +117,8 @@ def discarded(color: Array, pair: PairImages) -> Array:
 def side_wall(pair: PairImages) -> Array:
     """Pixels of the side wall whose neighbors also show it.  (h, w) bool."""
     wall = pair.surface & (np.abs(pair.current["normal"][..., 0]) > 0.9)
+    from scipy.ndimage import binary_erosion
+
     return binary_erosion(wall, [[True, False, True, False, True]])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, beyond
-from taubench_gl.demos.sheet import BLACK, Sheet, gray_image, note, overlay
+from taubench_gl.demos.sheet import BLACK, Sheet, gray_image, overlay
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, LEAF, SAND, Props, Stage
 from taubench_gl.report.palette import hex_of
 from taubench_gl.report.run_plots import discard_curve
@@ -70,8 +70,9 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
     for place, threshold in enumerate(SHOWN.values()):
         pair = masks[threshold]
         marked = overlay(pair.mask, pair.now["color"], Reason.POSITION)
-        axes = sheet.panel(place, 0, marked, f"threshold {100 * threshold:.3g} cm" + _whose(threshold))
-        note(axes, f"{pair.percent(Reason.POSITION):.2f} % discarded")
+        whose = ", the paper's 32/255 m" if threshold == DEFAULT_THRESHOLD else ""
+        text = f"{pair.percent(Reason.POSITION):.2f} % discarded"
+        axes = sheet.panel(place, 0, marked, f"threshold {100 * threshold:.3g} cm{whose}", text)
         _name_keys(axes, stage.size)
     _staircase(sheet, edges, percent, expected, masks)
     numbers = {}
@@ -79,22 +80,14 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
         numbers[name] = masks[SHOWN[name]].percent(Reason.POSITION), Expected.share(expected > SHOWN[name])
     # At a bin edge the curve and a mask with that threshold count the same pixels.
     at = int(np.argmin(np.abs(edges - 0.25)))
-    exact = stage.pair(scene(), columns=("frustum", "position"), thresholds={"position": _just_below(edges[at])})
+    # A mask discards greater distances, a bin holds distances from its edge on.
+    below = float(np.nextafter(np.float32(edges[at]), np.float32(0)))
+    exact = stage.pair(scene(), columns=("frustum", "position"), thresholds={"position": below})
     off = abs(round(percent[at] / 100 * stage.pixels) - int(exact.has(Reason.POSITION).sum()))
     numbers["curve"] = float(off), Expected.near(0.0, 0.0, 0)
     pair = masks[DEFAULT_THRESHOLD]
     moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
     return Measured(numbers, lesson.threshold(moved, gray_image(pair), beyond(expected), Reason.POSITION))
-
-
-def _just_below(value: float) -> float:
-    """The float32 below ``value``: a mask discards greater distances, a bin holds distances from its edge on."""
-    return float(np.nextafter(np.float32(value), np.float32(0)))
-
-
-def _whose(threshold: float) -> str:
-    """The words that mark the paper's threshold."""
-    return ", the paper's 32/255 m" if threshold == DEFAULT_THRESHOLD else ""
 
 
 def _name_keys(axes: object, size: Size) -> None:
