@@ -28,8 +28,6 @@ _DPI = 125  # layout units are 1/100 inch: a sheet is 1600 pixels wide
 _PAD, _TITLE, _LEGEND, _BAR = 24, 34, 44, 58
 BLUE, RED, BLACK, VIOLET = SERIES_COLORS
 """Measurement is blue, theory black."""
-CHECKER = (237, 237, 237)
-"""The light squares of ``checkerboard``, for a legend.  8-bit sRGB."""
 
 
 class Sheet:

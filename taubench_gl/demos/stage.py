@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers, Pair, evaluate_scene
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import MethodSpec, load_method, method_settings
@@ -28,6 +30,7 @@ from taubench_gl.selftest.bench import Bench
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
+P = ParamSpec("P")
 SIZE = (480, 270)
 SMALLEST, LARGEST = (160, 90), (1920, 1080)
 """Smaller images have too few edge pixels for the theoretical values."""
@@ -49,6 +52,10 @@ class LitPair:
     def percent(self, bits: int) -> float:
         """The share of the pixels with any of ``bits``, percent."""
         return 100.0 * float(self.has(bits).mean())
+
+    def change(self, channel: str) -> Array:
+        """The length of the change of a channel's first three components between the frames.  (h, w)."""
+        return np.linalg.norm(self.now[channel][..., :3] - self.before[channel][..., :3], axis=-1)
 
     def row_width(self, bits: int) -> float:
         """The number of pixels with any of ``bits`` in the middle row."""
@@ -118,28 +125,23 @@ class Stage:
         texts: Mapping[str, str],
         kind: str = "full",
         reads: Sequence[str] = (),
-        exact: bool = False,
         **settings: Any,
     ) -> Iterator[tuple[RasterInputs, dict[str, MethodRunner]]]:
         """Inputs of reuse methods, and a runner for each of ``texts``: name -> specification, as on the command line.
 
-        ``kind``: of the input; ``reads``: inputs beyond those of the methods and radiance; ``exact``: with the masks
-        of the exact frames.
+        ``kind``: of the input; ``reads``: inputs beyond those of the methods and radiance.
         """
         stage_settings = self.settings(reprojection="motion", environment="none", **settings)
         specs = {name: MethodSpec.parse(text) for name, text in texts.items()}
         methods = {name: load_method(spec.method) for name, spec in specs.items()}
         every = {read for method in methods.values() for read in method.reads} | {"radiance", *reads}
         request = FrameRequest(self.gpu, scene, choose_camera(scene), stage_settings, parse_input(kind))
-        size = stage_settings.sequence.width, stage_settings.sequence.height
-        with contextlib.ExitStack() as opened:
-            inputs = RasterInputs(request, every, exact=exact)
-            opened.callback(inputs.release)
-            runners = {}
+        with Owner() as owner:
+            inputs, runners = owner.own(RasterInputs(request, every)), {}
             for name, method in methods.items():
                 values = method_settings(method, specs[name].settings)
-                runners[name] = MethodRunner(self.gpu, method, size, values, input_size=inputs.size)
-                opened.callback(runners[name].release)
+                runner = MethodRunner(self.gpu, method, inputs.output_size, values, input_size=inputs.size)
+                runners[name] = owner.own(runner)
             yield inputs, runners
 
     def release(self) -> None:
@@ -155,7 +157,13 @@ SAND, BRICK, SEA, LEAF, CHALK, GOLD = (
 
 
 class Props(SceneBuilder):
-    """A SceneBuilder with diffuse materials and a few shapes."""
+    """A SceneBuilder with diffuse materials and a few shapes.  ``root``: the node that nodes without a parent get."""
+
+    root = -1
+
+    def node(self, parent: int = -1, **fields: Any) -> int:
+        """Add a node below ``parent``, or below ``root``."""
+        return super().node(self.root if parent < 0 else parent, **fields)
 
     def paint(self, color: tuple[float, float, float], **more: object) -> int:
         """Add a Lambertian material without specular lobe.  ``more``: fields of Material."""
@@ -193,6 +201,18 @@ class Props(SceneBuilder):
     ) -> int:
         """Add a rectangle of ``cells`` squares in two ``colors``, facing +Z of its node."""
         return self.thing(*checkered(half_width, half_height, cells, [self.paint(c) for c in colors]), **node)
+
+
+def built(parts: Callable[Concatenate[Props, P], None]) -> Callable[P, Scene]:
+    """A function that returns the scene of what ``parts`` adds to the Props that are its first argument."""
+
+    @functools.wraps(parts)
+    def scene(*args: P.args, **options: P.kwargs) -> Scene:
+        props = Props()
+        parts(props, *args, **options)
+        return props.build()
+
+    return scene
 
 
 def checkered(half_width: float, half_height: float, cells: tuple[int, int], materials: list[int]) -> list[Primitive]:

@@ -94,6 +94,11 @@ def edge_pixels(region: Array) -> int:
     return int(np.sum(binary_dilation(region) ^ binary_erosion(region, border_value=1)))
 
 
+def shares_above(values: Array, thresholds: Array) -> Array:
+    """The percentage of ``values`` (h, w) above each of ``thresholds`` (n,).  (n,)."""
+    return 100.0 * (1.0 - np.searchsorted(np.sort(values.ravel()), thresholds, side="right") / values.size)
+
+
 def share_deviation(share: float, count: float) -> float:
     """The standard deviation of a share (0 to 1) that is counted over ``count`` independent pixels or rows."""
     return math.sqrt(share * (1.0 - share) / count)

@@ -11,25 +11,23 @@ from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens, percent
 from taubench_gl.demos.sheet import checkerboard
-from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
+from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, built, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
 from taubench_gl.scene.builder import IDENTITY, turn_y
-from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import PairImages, pixel_grid
 
 YFOV = np.radians(60.0)
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """The hall with objects in front of and behind the camera, which turns by 180 degrees in one second."""
-    b = Props()
     hall(b)
     for z, colors in ((-3.4, (LEAF, SEA)), (4.4, (BRICK, SEA))):
         b.block((0.35, 0.9, 0.35), colors[0], translation=(-1.0, -0.6, z))
         b.ball(0.4, colors[1], translation=(1.0, -1.1, z))
     camera = b.camera(yfov=YFOV, znear=0.05)
     b.animate(camera, "rotation", [0.0, 1.0], [IDENTITY, turn_y(180.0)])
-    return b.build()
 
 
 def reprojected(image: Array, motion: Array, reused: Array) -> Array:

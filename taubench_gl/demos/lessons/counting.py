@@ -63,7 +63,7 @@ def curve_at(distance: Array, threshold: float, bits: int) -> float:
 def run(stage: Stage, lesson: Lesson) -> Measured:
     """An hour of one pair summed in float32, and one curve from histograms of three widths."""
     pair, sheet = lesson.pair, lesson.sheet
-    moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
+    moved = pair.change("position")
     discarded = int(pair.has(Reason.POSITION).sum())
     text = f"{discarded} of {stage.pixels} pixels discarded: {100.0 * discarded / stage.pixels:.4f} %"
     sheet.panel(0, 0, overlay(pair.mask, pair.now["color"], Reason.POSITION), f"one pair, {THRESHOLD:g} m", text)

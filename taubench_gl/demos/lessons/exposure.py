@@ -8,12 +8,11 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Parameter, Screens, beyond, percent
 from taubench_gl.demos.sheet import Sheet, heat, overlay, painted, rgb
-from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.demos.stage import Props, Stage, built
 from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.exposure import METERED_FRAMES, METERED_SIZE
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.exposure import MIDDLE_GRAY
-from taubench_gl.scene.model import Scene
 
 Size = tuple[int, int]
 YFOV = np.radians(50.0)
@@ -24,14 +23,13 @@ LUMENS_PER_WATT = 683.0
 SHOWN = (Reason.LIT, Reason.SHADOWED)
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A gray wall and a lamp 1 m in front of it, which moves from left to right."""
-    b = Props()
     b.wall(12.0, 8.0, (ALBEDO,) * 3, translation=(0, 0, WALL))
     lamp = b.light(intensity=CANDELA, translation=(PLACES[0], 0, LAMP))
     b.animate(lamp, "translation", [0.0, 1.0], [(x, 0, LAMP) for x in PLACES])
     b.camera(yfov=YFOV, znear=0.05)
-    return b.build()
 
 
 def wall_radiance(size: Size, lamp: float) -> Array:
@@ -95,8 +93,7 @@ def _plot(sheet: Sheet, parameter: Parameter, metered: float, size: Size) -> Non
     """Plot the discard rate against the exposure, with its closed form."""
     axes = sheet.plot("rate")
     line = np.linspace(parameter.values[0], parameter.values[-1], 300)
-    moved = np.sort(change(size).ravel())
-    shares = 100.0 * (1.0 - np.searchsorted(moved, DEFAULT_THRESHOLD / 2.0**line) / moved.size)
+    shares = theory.shares_above(change(size), DEFAULT_THRESHOLD / 2.0**line)
     sheet.theory(axes, line, shares, "theory: closed form")
     sheet.dots(axes, parameter.values, parameter.measured, markersize=7)
     for stop, name in ((0.0, "exposure 1"), (float(np.log2(metered)), "metered")):

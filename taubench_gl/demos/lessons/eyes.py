@@ -7,8 +7,7 @@ import numpy as np
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured
 from taubench_gl.demos.sheet import overlay
-from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
-from taubench_gl.scene.model import Scene
+from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, built, focal_px
 
 YFOV = np.radians(50.0)
 NEAR, FAR, STEP = 0.8, 3.0, 0.1
@@ -18,16 +17,15 @@ COLUMNS = ("frustum", "position", "color")
 SLACK = 1.5  # counted at pixel centers, ± 1 px, with the nearest pixel of the history, ± 0.5 px
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A board in front of a wall, which moves to the left by STEP in one second, and a still camera."""
-    b = Props()
     b.checkered(8.0, 5.0, (64, 40), (CHALK, SAND), translation=(0, 0, -FAR))
     board = b.checkered(*BOARD, (6, 6), (BRICK, GOLD), translation=(0, 0, -NEAR))
     b.light(translation=(0.6, 1.4, 0.0), intensity=30.0)
     b.camera(yfov=YFOV, znear=0.05)
     start = np.array([(0.5 * STEP, 0.0, -NEAR)])
     b.animate(board, "translation", [0.0, 1.0], np.concatenate([start, start - [STEP, 0, 0]]))
-    return b.build()
 
 
 def run(stage: Stage, lesson: Lesson) -> Measured:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -13,9 +12,9 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, beyond, percent
 from taubench_gl.demos.sheet import as_bytes, gray_image, inset, letter, note, overlay
-from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage
+from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage, built
 from taubench_gl.scene.builder import IDENTITY, turn, turn_x, turn_y
-from taubench_gl.scene.model import Primitive, Scene
+from taubench_gl.scene.model import Primitive
 
 MIN_PIXELS = 8  # smallest region with a letter
 
@@ -34,13 +33,11 @@ PANEL = {"x": -1.5, "y": (-1.5, 0.3), "z": (-5.6, -3.2), "color": (0.85, 0.06, 0
 PANEL_SUN = np.array([-1.0, -0.35, -0.25])
 
 
-def _stage(reach: float = 5.0) -> Props:
+def _stage(b: Props, reach: float = 5.0) -> None:
     """Add camera, diffuse back wall and floor, 2 ``reach`` meters wide.  A small stage has sharper shadows."""
-    b = Props()
     b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR + 0.5 * reach, WALL))
     b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR, WALL + 0.5 * reach), rotation=turn_x(-90))
     b.camera(yfov=YFOV, znear=0.05)
-    return b
 
 
 def aim(direction: Array) -> Array:
@@ -49,58 +46,53 @@ def aim(direction: Array) -> Array:
     return math3d.normalize(np.array([y, -x, 0.0, 1.0 - z]))
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A ball that moves in front of the wall; the scene of the first panel."""
-    b = _stage()
+    _stage(b)
     ball = b.ball(BALL, BRICK, 64)
     b.animate(ball, "translation", TIMES, BALL_AT)
     b.light(kind="directional", intensity=3.0, rotation=aim(np.array([-0.5, -0.9, -1.0])))
-    return b.build()
 
 
-def turning_fan() -> Scene:
+@built
+def turning_fan(b: Props) -> None:
     """A fan that turns by half of a blade in its own plane."""
-    b = _stage()
+    _stage(b)
     fan = b.thing(fan_primitive(b.paint(SEA)), translation=FAN_AT)
     b.animate(fan, "rotation", TIMES, [IDENTITY, turn((0, 0, 1), 180.0 / BLADES)])
     b.light(kind="directional", intensity=6.0, rotation=aim(np.array([-1.0, -0.5, -0.8])))
-    return b.build()
 
 
 def fan_primitive(material: int, cuts: int = 8) -> Primitive:
     """A flat disc of BLADES sectors; their normals tilt along the rotation by TILT, with alternating sign."""
-    edges = np.linspace(0.0, 2.0 * np.pi, BLADES * cuts + 1)
-    positions, normals = [], []
-    for i, (a, b) in enumerate(pairwise(edges)):
-        blade = i // cuts
-        middle = 2.0 * np.pi * (blade + 0.5) / BLADES
-        lean = np.radians(TILT) * (1 if blade % 2 else -1)
-        normal = [-np.sin(middle) * np.sin(lean), np.cos(middle) * np.sin(lean), np.cos(lean)]
-        positions += [(0, 0, 0), (FAN * np.cos(a), FAN * np.sin(a), 0), (FAN * np.cos(b), FAN * np.sin(b), 0)]
-        normals += [normal] * 3
-    corners = np.array(positions, dtype=np.float32)
+    edges, blade = np.linspace(0.0, 2.0 * np.pi, BLADES * cuts + 1), np.arange(BLADES)
+    rim = FAN * np.stack([np.cos(edges), np.sin(edges), np.zeros(len(edges))], axis=-1)
+    corners = np.stack([np.zeros((len(edges) - 1, 3)), rim[:-1], rim[1:]], axis=1).reshape(-1, 3).astype(np.float32)
+    middle, lean = 2.0 * np.pi * (blade + 0.5) / BLADES, np.radians(TILT) * np.where(blade % 2, 1, -1)
+    normals = np.stack([-np.sin(middle) * np.sin(lean), np.cos(middle) * np.sin(lean), np.cos(lean)], axis=-1)
     triangles = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
-    return Primitive(corners, triangles, material, normals=np.array(normals, dtype=np.float32))
+    return Primitive(corners, triangles, material, normals=normals.repeat(3 * cuts, axis=0).astype(np.float32))
 
 
-def moving_sun() -> Scene:
+@built
+def moving_sun(b: Props) -> None:
     """A still ball, and a directional light that jumps from the right to the left."""
-    b = _stage()
+    _stage(b)
     b.ball(SUN_BALL, CHALK, 64, translation=SUN_AT)
     lamp = b.light(kind="directional", intensity=SUN_LUX)
     b.animate(lamp, "rotation", TIMES, [aim(d) for d in SUN], "STEP")
-    return b.build()
 
 
-def appearing_wall() -> Scene:
+@built
+def appearing_wall(b: Props) -> None:
     """A lit red wall that appears at the side of the stage and reflects red light on it."""
-    b = _stage(9.0)
+    _stage(b, 9.0)
     (y0, y1), (z0, z1) = PANEL["y"], PANEL["z"]
     middle = (PANEL["x"], 0.5 * (y0 + y1), 0.5 * (z0 + z1))
     wall = b.wall(0.5 * (z1 - z0), 0.5 * (y1 - y0), PANEL["color"], translation=middle, rotation=turn_y(90))
     b.animate(wall, "visible", TIMES, [[0.0], [1.0]], "STEP")
     b.light(kind="directional", intensity=PANEL["lux"], rotation=aim(PANEL_SUN))
-    return b.build()
 
 
 def walls(direction: Array) -> tuple[Array, Array]:
@@ -154,11 +146,8 @@ def sun_change(size: Size) -> tuple[Array, Array]:
     return lit[1] - lit[0], bare[1] - bare[0]
 
 
-def expected_sun(size: Size) -> dict[str, Array]:
-    """The regions (d) to (g): light that comes or goes, with shadows only or already without them."""
-    change, bare_change = sun_change(size)
-    came, went = change > DEFAULT_THRESHOLD, change < -DEFAULT_THRESHOLD
-    bare_came, bare_went = bare_change > DEFAULT_THRESHOLD, bare_change < -DEFAULT_THRESHOLD
+def by_light(came: Array, went: Array, bare_came: Array, bare_went: Array) -> dict[str, Array]:
+    """The regions (d) to (g): light that comes or goes, with shadows only or already without them (``bare``)."""
     return {"d": came & bare_came, "e": went & bare_went, "f": came & ~bare_came, "g": went & ~bare_went}
 
 
@@ -210,19 +199,19 @@ def panels(stage: Stage, ball: LitPair) -> list[Panel]:
     # The same pair without shadows: changes that remain are due to the light's angle, the others to shadows.
     columns = ("frustum", "direct", "color")
     sun, bare = (stage.pair(moving_sun(), columns=columns, **given) for given in ({}, {"shadow_lights": 0}))
-    lit, dark, bare_lit, bare_dark = (p.has(bits) for p in (sun, bare) for bits in (Reason.LIT, Reason.SHADOWED))
     wall = stage.pair(
         appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
         indirect_samples=4096, width=4 * stage.size[1] // 3,
     )  # fmt: skip
-    by_sun = {"d": lit & bare_lit, "e": dark & bare_dark, "f": lit & ~bare_lit, "g": dark & ~bare_dark}
     by_ball = {"a": ball.has(Reason.DISOCCLUDED), "b": ball.has(Reason.OCCLUDING)}
     by_wall = {"h": wall.has(Reason.INDIRECT) & ~wall.has(Reason.POSITION)}
     moved, light = (Reason.DISOCCLUDED, Reason.OCCLUDING), (Reason.LIT, Reason.SHADOWED)
+    by_sun = by_light(*(pair.has(reason) for pair in (sun, bare) for reason in light))
+    expected_sun = by_light(*(s * c > DEFAULT_THRESHOLD for c in sun_change(stage.size) for s in (1.0, -1.0)))
     return [
         Panel("position: a ball moves", ball, moved, by_ball, expected_ball(stage.size)),
         Panel("normal: a fan turns", fan, (Reason.NORMAL,), {"c": fan.has(Reason.NORMAL)}, expected_fan(stage.size)),
-        Panel("direct: a light moves", sun, light, by_sun, expected_sun(stage.size)),
+        Panel("direct: a light moves", sun, light, by_sun, expected_sun),
         Panel("indirect: a red wall appears", wall, (Reason.INDIRECT,), by_wall, expected_wall(wall.mask.shape[::-1])),
     ]
 
@@ -243,9 +232,8 @@ def run(stage: Stage, lesson: Lesson) -> Measured:
         shares = (f"{name} {percent(region):.2f} %" for name, region in panel.measured.items())
         note(axes, ", ".join(shares) + " of the image")
     sun = shown[2].pair
-    change = np.linalg.norm(sun.now["direct"][..., :3] - sun.before["direct"][..., :3], axis=-1)
     theory_at = beyond(np.abs(sun_change(stage.size)[0]))
-    return Measured(numbers, lesson.threshold(change, gray_image(sun), theory_at, Reason.DIRECT))
+    return Measured(numbers, lesson.threshold(sun.change("direct"), gray_image(sun), theory_at, Reason.DIRECT))
 
 
 def widened(image: Array, width: int) -> Array:

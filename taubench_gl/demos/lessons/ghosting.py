@@ -11,13 +11,12 @@ import numpy as np
 
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, displayed
-from taubench_gl.demos.stage import Props, Stage, checkered
+from taubench_gl.demos.stage import Props, Stage, built, checkered
 from taubench_gl.demos.texts import lesson_text
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.response import response_frames
 from taubench_gl.scene.builder import sphere
-from taubench_gl.scene.model import Scene
 
 FRAMES = lesson_text("ghosting").opening.frame + 1
 ALPHA = 0.1
@@ -41,15 +40,14 @@ MARKER_PT = (6, 14, 9, 4)
 """Sizes in the order of METHODS: three curves coincide, so each marker is visible around the next."""
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """An emissive ball crosses an emissive checkered wall: all radiances are known, there is no other light."""
-    b = Props()
     tiles = [b.glow(v, v, 1.15 * v) for v in TILE]
     b.thing(*checkered(6.0, 4.0, (24, 16), tiles), translation=(0, 0, -6))
     ball = b.thing(dataclasses.replace(sphere(0.55, 48), material=b.glow(*GLOW)))
     b.animate(ball, "translation", [0.0, float(FRAMES - 1)], [(-1.9, 0.25, -4.4), (1.5, -0.2, -4.4)])
     b.camera(yfov=np.radians(42.0), znear=0.05)
-    return b.build()
 
 
 @dataclass(slots=True)
@@ -63,7 +61,7 @@ class Trail:
 def run_methods(stage: Stage, texts: Mapping[str, str]) -> dict[str, Trail]:
     """The last image of every method and its remaining ball weight by age.  ``texts``: specification by name."""
     age = np.zeros(stage.size[::-1], dtype=int)
-    with stage.reuse(scene(), texts, reads=("ids",), exact=True) as (inputs, runners):
+    with stage.reuse(scene(), texts, reads=("ids",)) as (inputs, runners):
         for frame in range(FRAMES):
             channels = inputs.advance(frame)
             images = {name: read_result(runner.step(channels))[..., :3] for name, runner in runners.items()}

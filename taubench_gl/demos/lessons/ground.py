@@ -7,13 +7,12 @@ import numpy as np
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FRUSTUM, Reason, Visibility
 from taubench_gl.demos.demo import Expected, Lesson, Measured, beyond, percent
 from taubench_gl.demos.sheet import gray_image, painted, rgb
-from taubench_gl.demos.stage import CHALK, SAND, Props, Stage, focal_px
+from taubench_gl.demos.stage import CHALK, SAND, Props, Stage, built, focal_px
 from taubench_gl.demos.theory import ground_distance
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.reject.evaluate import evaluate_tests
 from taubench_gl.scene.builder import turn_x
-from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import limits
 
 YFOV = np.radians(50.0)
@@ -21,14 +20,13 @@ EYE, STEP = 1.6, 1.3  # height of the camera, meters; meters it moves forward in
 DISCARDED, HIDDEN = rgb(Reason.POSITION), rgb(Reason.DISOCCLUDED)
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """Level ground up to the horizon, and a camera that moves forward by STEP meters a second."""
-    b = Props()
     b.checkered(4000.0, 4000.0, (1, 2000), (CHALK, SAND), rotation=turn_x(-90))
     b.light(rotation=turn_x(-60), kind="directional", intensity=2.0)
     camera = b.camera(yfov=YFOV, znear=0.1)
     b.animate(camera, "translation", [0.0, 3.0], [(0.0, EYE, 0.0), (0.0, EYE, -3.0 * STEP)])
-    return b.build()
 
 
 def run(stage: Stage, lesson: Lesson) -> Measured:

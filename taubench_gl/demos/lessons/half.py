@@ -7,9 +7,8 @@ import numpy as np
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, heat, note, rgb
-from taubench_gl.demos.stage import Props, Stage, hall
+from taubench_gl.demos.stage import Props, Stage, built, hall
 from taubench_gl.scene.builder import IDENTITY, turn
-from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import pixel_grid
 
 YFOV = np.radians(60.0)
@@ -18,13 +17,12 @@ WRONG, RIGHT = rgb(RED), (52, 54, 58)
 BLOCK = 8  # pixels along a side
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """The hall and a rolling camera: motion grows from 0 at the center to hundreds of pixels in the corners."""
-    b = Props()
     hall(b)
     camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=YFOV, znear=0.05)
     b.animate(camera, "rotation", [0.0, 1.0], [IDENTITY, turn((0, 0, 1), ROLL)])
-    return b.build()
 
 
 def half_step(motion: Array, bits: int = 11) -> Array:
@@ -35,8 +33,6 @@ def half_step(motion: Array, bits: int = 11) -> Array:
 
 def in_half(motion: Array, bits: int = 11) -> Array:
     """``motion`` rounded to ``bits`` of precision, half to even."""
-    if bits == 11:
-        return motion.astype(np.float16).astype(np.float32)
     step = half_step(motion, bits)
     return (np.round(motion / step) * step).astype(np.float32)
 

@@ -10,11 +10,10 @@ import numpy as np
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, displayed, enlarged, enlarged_frames
-from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.demos.stage import Props, Stage, built
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.scene.builder import quad, turn
-from taubench_gl.scene.model import Scene
 
 YFOV, DEPTH = np.radians(42.0), 4.0
 SLOPE = 1.0 / 7.3  # pixels to the right per pixel upwards: rows meet the edge at all sub-pixel positions
@@ -32,16 +31,23 @@ CASES: Mapping[str, tuple[Error, str]] = {
 """Name -> error of the motion vectors (2,), pixels, +y up, from the offsets of both frames; color in the plot."""
 
 
-def scene() -> Scene:
-    """A bright half-plane on a dark one, both emissive; the edge goes through the center.  Nothing moves."""
-    b = Props()
-    angle = float(np.degrees(np.arctan(SLOPE)))
-    b.thing(quad(12.0, 8.0, material=b.glow(DARK)), translation=(0, 0, -DEPTH - 0.01))
-    lean = np.radians(angle)
-    middle = 6.0 * np.array([np.cos(lean), -np.sin(lean), 0.0]) + [0, 0, -DEPTH]
-    b.thing(quad(6.0, 12.0, material=b.glow(BRIGHT)), translation=middle, rotation=turn((0, 0, 1), -angle))
+def slanted(b: Props, dark: float, bright: float, half: float, aside: float = 0.0) -> None:
+    """Add a dark wall and before it a bright rectangle, 2 ``half`` meters wide, along a line of SLOPE; both emissive.
+
+    ``aside``: meters from the center of the image to the middle line of the rectangle.
+    """
+    lean = np.arctan(SLOPE)
+    middle = aside * np.array([np.cos(lean), -np.sin(lean), 0.0]) + [0, 0, -DEPTH]
+    b.thing(quad(12.0, 8.0, material=b.glow(dark)), translation=(0, 0, -DEPTH - 0.01))
+    slant = turn((0, 0, 1), -np.degrees(lean))
+    b.thing(quad(half, 12.0, material=b.glow(bright)), translation=middle, rotation=slant)
+
+
+@built
+def scene(b: Props) -> None:
+    """A bright half-plane on a dark one; the edge goes through the center.  Nothing moves."""
+    slanted(b, DARK, BRIGHT, 6.0, 6.0)
     b.still_camera(YFOV, FRAMES - 1.0)
-    return b.build()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +82,19 @@ def predicted(error: Error, alpha: float, frames: int = FRAMES) -> Spread:
     return Spread(mean, float(np.sqrt(second - mean * mean)))
 
 
+def from_edge(shape: tuple[int, ...]) -> Array:
+    """Distance of each pixel of an image of ``shape`` (h, w) to the right of the true edge.  (h, w) pixels."""
+    height, width = shape
+    row = np.arange(height)[:, None]
+    return np.arange(width) - (0.5 * (width - 1) + SLOPE * (0.5 * (height - 1) - row))
+
+
 def measured(image: Array) -> Spread:
     """The spread of the edge in an image (h, w), over the rows in which it is REACH pixels inside."""
     height, width = image.shape
     row = np.arange(height)
-    true = 0.5 * (width - 1) + SLOPE * (0.5 * (height - 1) - row)
     rows = row[(np.abs(row - 0.5 * (height - 1)) < 0.5 * min(height, width // 2) - 4)]
-    place = np.arange(width - 1) + 0.5 - true[rows, None]
+    place = from_edge(image.shape)[rows, :-1] + 0.5
     weight = np.diff(image[rows], axis=1) * (np.abs(place) < REACH)
     total = weight.sum()
     mean = float((weight * place).sum() / total)
@@ -154,12 +166,8 @@ def _plot(sheet: Sheet, images: Mapping[str, Array], spreads: Mapping[str, Sprea
     """Plot the profile across the edge of each image: all rows, by their distance from the true edge."""
     axes = sheet.plot("profile")
     for name, image in images.items():
-        height, width = image.shape[:2]
-        row = np.arange(height // 4, 3 * height // 4)
-        true = 0.5 * (width - 1) + SLOPE * (0.5 * (height - 1) - row)
-        place = (np.arange(width) - true[:, None]).ravel()
-        value = profile_image(image)[row].ravel()
-        bins = np.arange(-5.0, 5.01, 0.125)
-        which = np.digitize(place, bins)
+        rows, bins = slice(len(image) // 4, 3 * len(image) // 4), np.arange(-5.0, 5.01, 0.125)
+        value = profile_image(image)[rows].ravel()
+        which = np.digitize(from_edge(image.shape[:2])[rows].ravel(), bins)
         middle = [value[which == i].mean() for i in range(1, len(bins))]
         axes.plot(bins[:-1] + 0.0625, middle, color=CASES[name][1], linewidth=2.2, label=name)

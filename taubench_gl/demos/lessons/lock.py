@@ -7,15 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
+from taubench_gl.demos.lessons.jitter import DEPTH, SLOPE, YFOV, slanted
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, as_bytes, enlarged, enlarged_frames
-from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.demos.stage import Props, Stage, built, focal_px
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
-from taubench_gl.scene.builder import quad, turn
-from taubench_gl.scene.model import Scene
 
-YFOV, DEPTH = np.radians(42.0), 4.0
-SLOPE = 1.0 / 7.3  # pixels to the right per pixel upwards
 DARK, BRIGHT = 0.1, 0.25
 OUTPUT = (160, 90)  # pixels of the result; the input has half of them along each side
 WIDTH = 0.5  # of the line, pixels of the result
@@ -26,20 +23,12 @@ METHODS = {"with locks": "fsr2-class", "without locks": "fsr2-class@thin_ratio=4
 """thin_ratio 4: no feature is thin, because the line is only 2.5 times as bright as the wall."""
 
 
-def scene(width: float = WIDTH) -> Scene:
+@built
+def scene(b: Props, width: float = WIDTH) -> None:
     """A dark wall and a brighter slanted line, ``width`` pixels of OUTPUT wide, both emissive.  Nothing moves."""
-    b = Props()
-    lean = float(np.arctan(SLOPE))
-    leaning = turn((0, 0, 1), -np.degrees(lean))
-    b.thing(quad(12.0, 8.0, material=b.glow(DARK)), translation=(0, 0, -DEPTH - 0.01))
-    half = 0.5 * width * np.cos(lean) * DEPTH / (0.5 * OUTPUT[1] / np.tan(0.5 * YFOV))
-    b.thing(
-        quad(half, 12.0, material=b.glow(BRIGHT)),
-        translation=(0, 0, -DEPTH),
-        rotation=leaning,
-    )
+    half = 0.5 * width * np.cos(np.arctan(SLOPE)) * DEPTH / focal_px(YFOV, OUTPUT[1])
+    slanted(b, DARK, BRIGHT, half)
     b.still_camera(YFOV, START + PERIOD)
-    return b.build()
 
 
 def upscaled(stage: Stage, width: float) -> dict[str, Array]:

@@ -10,7 +10,7 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens, percent
 from taubench_gl.demos.sheet import BLACK, Sheet, as_bytes, displayed, overlay
-from taubench_gl.demos.stage import Props, Stage, corner
+from taubench_gl.demos.stage import Props, Stage, built, corner
 from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.shading import Shading
 from taubench_gl.scene.model import Scene
@@ -20,14 +20,13 @@ SAMPLES = (1, 4, 16, 64)
 SIGMA = 0.5 * DEFAULT_THRESHOLD
 
 
-def scene(lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> Scene:
+@built
+def scene(b: Props, lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> None:
     """A static corner of a room under lamps of one color and power."""
-    b = Props()
     corner(b)
     for place in lamps:
         b.light(translation=place, intensity=3.0)
     b.still_camera(np.radians(50.0), 1.0)
-    return b.build()
 
 
 def direct_light(stage: Stage, room: Scene, frames: tuple[int, ...], samples: int) -> Array:

@@ -7,8 +7,7 @@ import numpy as np
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured
 from taubench_gl.demos.sheet import arrow, overlay
-from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
-from taubench_gl.scene.model import Scene
+from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, built, focal_px
 
 YFOV = np.radians(50.0)
 NEAR, FAR, STEP = 2.5, 6.0, 0.32
@@ -17,9 +16,9 @@ SHOWN = (Reason.DISOCCLUDED, Reason.OCCLUDING)
 COLUMNS = ("frustum", "position", "color")
 
 
-def scene(moves: str = "camera", step: float = STEP) -> Scene:
+@built
+def scene(b: Props, moves: str = "camera", step: float = STEP) -> None:
     """A board in front of a wall.  In one second the ``camera`` or the ``board`` moves right by ``step`` meters."""
-    b = Props()
     b.checkered(12.0, 8.0, (48, 32), (CHALK, SAND), translation=(0, 0, -FAR))
     board = b.checkered(*BOARD, (6, 6), (BRICK, GOLD), translation=(0, 0, -NEAR))
     b.light(translation=(0.6, 1.4, 0.0), intensity=35.0)
@@ -27,7 +26,6 @@ def scene(moves: str = "camera", step: float = STEP) -> Scene:
     start = np.array([(0.0, 0.0, -NEAR)] if moves == "board" else [(0.0, 0.0, 0.0)])
     node = board if moves == "board" else camera
     b.animate(node, "translation", [0.0, 1.0], np.concatenate([start, start + [step, 0, 0]]))
-    return b.build()
 
 
 def run(stage: Stage, lesson: Lesson) -> Measured:

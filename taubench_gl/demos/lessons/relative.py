@@ -2,41 +2,26 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Parameter, Screens
 from taubench_gl.demos.sheet import BLUE, RED, enlarged, frame_of, heat, note
-from taubench_gl.demos.stage import Props, Stage, hall
+from taubench_gl.demos.stage import Props, Stage, built, hall
 from taubench_gl.scene.builder import turn_y
-from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import PairImages
 
 FAR = 1e6
 
 
-def scene(meters: float = FAR) -> Scene:
+@built
+def scene(b: Props, meters: float = FAR) -> None:
     """The hall ``meters`` from the origin along each axis; the camera moves and turns slightly."""
-    b = Props()
+    b.root = b.node(translation=(meters,) * 3)
     hall(b)
     camera = b.camera(yfov=np.radians(60.0), znear=0.0625)
     b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 1.5), (0.125, 0.0, 1.25)])
     b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(3.0)])
-    return _moved(b.build(), meters)
-
-
-def _moved(built: Scene, meters: float) -> Scene:
-    """The scene with all roots ``meters`` farther along each axis; keys are dyadic, so the float64 sums are exact."""
-    by = np.full(3, meters)
-    roots = built.nodes.parent < 0
-    nodes = dataclasses.replace(built.nodes, translation=built.nodes.translation + np.where(roots[:, None], by, 0.0))
-    channels = tuple(
-        dataclasses.replace(c, values=c.values + by) if c.path == "translation" and roots[c.index] else c
-        for c in built.channels
-    )
-    return dataclasses.replace(built, nodes=nodes, channels=channels)
 
 
 def step_at(meters: float) -> float:

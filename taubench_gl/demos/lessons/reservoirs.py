@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
 from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, displayed, magnified, rgb
-from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.demos.stage import Props, Stage, built
 from taubench_gl.demos.texts import lesson_text
 from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.targets import read_channel
@@ -17,7 +17,6 @@ from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.sample_rays import SampleRays
 from taubench_gl.reuse.samples import history_counts
-from taubench_gl.scene.model import Scene
 
 SIZE = (96, 54)  # path-traced input takes long on a CPU
 BORN, AGE = lesson_text("reservoirs").opening.frame, 5
@@ -32,9 +31,9 @@ SETTINGS = {"fps": 1.0, "bounces": 1, "width": SIZE[0], "height": SIZE[1]}
 METHOD = "restir-di@candidates=4@neighbors=0@visibility_reuse=false@combination=biased@history_limit="
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A wall that one lamp lights; from frame BORN on, for AGE frames, a second one as bright at the same place."""
-    b = Props()
     b.wall(9.0, 6.0, (0.7, 0.7, 0.7), translation=(0.0, 0.0, -4.0))
     for second in (False, True):
         lamp = b.light(translation=(0.6, 0.5, -2.0), intensity=4.0)
@@ -42,7 +41,6 @@ def scene() -> Scene:
             times = [0.0, BORN - 0.5, BORN + AGE - 0.5]
             b.animate(lamp, "scale", times, [(0.0,) * 3, (1.0,) * 3, (0.0,) * 3], "STEP")
     b.still_camera(np.radians(42.0), BORN + AGE)
-    return b.build()
 
 
 def remembered(limit: int, frames: int) -> tuple[float, float]:

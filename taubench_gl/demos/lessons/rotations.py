@@ -10,9 +10,8 @@ from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, percent
 from taubench_gl.demos.lessons.behind import reprojected
 from taubench_gl.demos.sheet import checkerboard
-from taubench_gl.demos.stage import Props, Stage, hall
+from taubench_gl.demos.stage import Props, Stage, built, hall
 from taubench_gl.scene.builder import IDENTITY, turn
-from taubench_gl.scene.model import Scene
 
 YFOV = np.radians(55.0)
 DEGREES = 25.0
@@ -20,13 +19,12 @@ TURNS = {"pitch": ("upwards", (1, 0, 0)), "yaw": ("to the left", (0, 1, 0)), "ro
 LARGEST = 60.0  # degrees of the parameter
 
 
-def scene(axis: str = "yaw", degrees: float = DEGREES) -> Scene:
+@built
+def scene(b: Props, axis: str = "yaw", degrees: float = DEGREES) -> None:
     """The hall and a camera that rotates by ``degrees`` in one second."""
-    b = Props()
     hall(b)
     camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=YFOV, znear=0.05)
     b.animate(camera, "rotation", [0.0, 1.0], [IDENTITY, turn(TURNS[axis][1], degrees)])
-    return b.build()
 
 
 def run(stage: Stage, lesson: Lesson) -> Measured:

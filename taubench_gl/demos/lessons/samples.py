@@ -9,11 +9,10 @@ import numpy as np
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens, percent
 from taubench_gl.demos.sheet import RED, Sheet, as_bytes, displayed, magnified, overlay
-from taubench_gl.demos.stage import Props, Stage, corner
+from taubench_gl.demos.stage import Props, Stage, built, corner
 from taubench_gl.demos.texts import lesson_text
 from taubench_gl.demos.theory import normal_change
 from taubench_gl.scene.builder import quad, turn_x
-from taubench_gl.scene.model import Scene
 
 SIZE = (96, 54)  # path tracing takes long on a CPU
 COUNTS = (1, 4, 16, 64)
@@ -22,13 +21,12 @@ FRAMES = 2 * COUNTS[-1]
 PATHS = lesson_text("samples").opening.settings
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A static corner of a room under a glowing panel."""
-    b = Props()
     corner(b)
     b.thing(quad(1.2, 0.5, material=b.glow(9.0)), translation=(0.4, 2.0, -4.2), rotation=turn_x(90))
     b.still_camera(np.radians(50.0), FRAMES - 1.0)
-    return b.build()
 
 
 def light(stage: Stage, samples: int, frames: int) -> Array:

@@ -11,10 +11,10 @@ from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
 from taubench_gl.demos.sheet import BLUE, RED, Sheet, enlarged, enlarged_frames, painted, rgb
-from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage, focal_px
+from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage, built, focal_px
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.builder import turn, turn_y
-from taubench_gl.scene.model import Camera, Scene
+from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import MovingCamera, PairImages, limits
 
 YFOV = np.radians(50.0)
@@ -23,19 +23,18 @@ PAGE_HEIGHT = 270
 SLANT = 20.0
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A slanted board in front of a wall, and a side wall at a grazing angle.  Nothing moves.
 
     The camera of the file turns by what is JITTER pixels in an image of PAGE_HEIGHT rows, for page and viewer.
     """
-    b = Props()
     b.wall(14.0, 9.0, LEAF, translation=(0, 0, -14))
     b.checkered(0.55, 6.0, (3, 30), (BRICK, SAND), translation=(-0.7, 0, -4), rotation=turn((0, 0, 1), SLANT))
     b.checkered(12.0, 9.0, (24, 18), (CHALK, SAND), translation=(2.2, 0, -12), rotation=turn_y(-90))
     b.light(translation=(-1.0, 1.5, 0.0), intensity=90.0)
     camera = b.camera(yfov=YFOV, znear=0.05)
     b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(-np.degrees(JITTER / focal_px(YFOV, PAGE_HEIGHT)))])
-    return b.build()
 
 
 def camera(jitter: float = JITTER) -> MovingCamera:
