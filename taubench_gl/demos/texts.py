@@ -59,6 +59,10 @@ class ParameterText(Struct, frozen=True, forbid_unknown_fields=True):
     digits: int = 2
     bar: ColorBar | None = None
 
+    def __post_init__(self) -> None:
+        if self.geometric is None and self.start not in self.values:
+            raise ValueError(f"start {self.start:g} is not one of the values")
+
     def all_values(self) -> tuple[np.ndarray, int]:
         """The values (n,), and the index of ``start``, which replaces the nearest value of a geometric series."""
         if self.geometric is None:
@@ -98,7 +102,7 @@ class FigureText(Struct, frozen=True, forbid_unknown_fields=True):
     ratio: tuple[int, int] | None = None
     below: float = 0.0
     bar: ColorBar | None = None
-    legend: tuple[str | tuple[str, str], ...] = ()
+    legend: tuple[ReasonKey | tuple[str, str], ...] = ()
     plots: dict[str, dict[str, Any]] = {}
 
 
