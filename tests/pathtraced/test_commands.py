@@ -6,7 +6,6 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from exr_files import blender_frame, write
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.apps.cli import cli
@@ -18,15 +17,6 @@ from taubench_gl.scene import load_scene
 pytestmark = pytest.mark.usefixtures("coarse_light", "coarse_metering")
 
 DEMO = ASSETS / "demo.glb"
-
-
-@pytest.fixture
-def renders(tmp_path):
-    folder = tmp_path / "renders"
-    folder.mkdir()
-    for frame in (1, 2, 3):
-        write(folder / f"f_{frame}.exr", blender_frame((0.2 * frame, 1.0, 5.0), seed=frame)[0])
-    return folder
 
 
 def test_evaluate_and_compare(renders, tmp_path):
