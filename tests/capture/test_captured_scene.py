@@ -40,7 +40,7 @@ def states(seconds=8.0, step=50):
         t = i * step / 1000
         late = t >= 3
         player = player_state(
-            x=(500.0 if late else 0.0) + 96 * t, yaw=(20 * t + 90) % 360 - 180, vx=96.0, weapon=5, client=0,
+            x=(500.0 if late else 0.0) + 96 * t, yaw=(20 * t + 290) % 360 - 180, vx=96.0, weapon=5, client=0,
             flags=wire.TELEPORT if late else 0,
         )  # fmt: skip
         entities = {
@@ -106,7 +106,7 @@ def test_the_camera_is_the_eye_at_every_frame(scene, rate):
     assert bob.min() > 25.9 and bob.max() < 33
     forward = np.array([-view.world_from_view[:3, 2] for view in views])
     yaw = np.degrees(np.arctan2(-forward[:, 2], forward[:, 0]))
-    expected = 20 * np.where(held, 2.95, t) - 90
+    expected = 20 * np.where(held, 2.95, t) + 110  # +-180 degrees at 3.5 s
     assert np.abs((yaw - expected + 180) % 360 - 180).max() < 0.01
 
 

@@ -100,15 +100,6 @@ def test_a_path_is_the_smoothest_inside_of_the_intervals():
         assert energy <= best * (1 + 1e-4) + 1e-6 * ((rows @ (low[:, k] + rng.random(40))) ** 2).sum()
 
 
-def test_uniform_motion_is_recovered_between_packets():
-    times = np.arange(100) * 0.013
-    exact = 40 + 100 * times  # degrees
-    low = np.floor(exact)[:, None]
-    found = smooth_path(times, low)[:, 0]
-    assert np.abs(np.diff(found, 2)).max() < 1e-3  # even, although the stored values are not
-    assert np.abs(np.diff(low[:, 0], 2)).max() == 1
-
-
 @pytest.fixture(scope="module")
 def timeline():
     return Timeline(decode(recording(game_packets()), "x"))

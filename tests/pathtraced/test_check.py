@@ -324,12 +324,6 @@ def test_both_browsers_open_the_page(exported, tmp_path, run, both_browsers):
     both_browsers(tmp_path / "out" / "report.html", "table tbody th")
 
 
-@pytest.mark.parametrize("options", [["--frames", "90:95"], ["--mapping", "godott"]])
-def test_wrong_input_is_one_line(exported, run, options):
-    ended, _, errors = run(f"exr:{exported[0].path}", *options)
-    assert ended == 2 and errors.count("\n") == 1, errors
-
-
 @pytest.mark.parametrize("case", ["one frame", "no camera", "no motion"])
 def test_what_is_missing_in_readable_files_is_not_checked(exported, tmp_path, run, case):
     sequence, *_ = exported

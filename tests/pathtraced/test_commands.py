@@ -35,6 +35,8 @@ def test_errors_are_one_line_and_exit_code_2(taubench, renders, tmp_path):
         (("evaluate", f"exr:{tmp_path / 'none'}"), "none"),
         (("evaluate", f"exr:{renders}", "--mapping", "x.toml"), "x.toml"),
         (("check", f"exr:{renders}", "--layer", "none"), "'none'"),
+        (("check", f"exr:{renders}", "--mapping", "godott"), "godott"),
+        (("check", f"exr:{renders}", "--frames", "90:95"), "4:7"),
         (("reference", "render", tmp_path / "none.glb", "--out", tmp_path / "o"), "none.glb"),
     ):
         code, _, err = taubench(*arguments)
