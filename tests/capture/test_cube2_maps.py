@@ -52,6 +52,16 @@ def test_faces_at_the_border_between_solid_cubes_and_of_the_sky_are_not_drawn():
     assert np.array_equal(areas.sum(0), [0, 0, 128]) and (corners[..., 2] == 8).all()
 
 
+@pytest.mark.parametrize("hole, seen", [(None, False), (2, True)])
+def test_parts_of_a_cube_hide_a_larger_face_together(hole, seen):
+    parts = air()
+    parts[0] = cube(SOLID)
+    parts[1] = [cube(SOLID) if k != hole else cube() for k in range(8)]
+    _, sides, corners, _ = drawn(parts, 16)
+    own = (sides == 1) & (corners[..., 0] == 8).all(1)
+    assert own.any() == seen
+
+
 def test_see_through_cubes_hide_one_another_only():
     parts = air()
     parts[0], parts[1], parts[2] = cube(SOLID), cube(SOLID, material=ALPHA), cube(SOLID, material=ALPHA)

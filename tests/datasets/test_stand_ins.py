@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
-
-import numpy as np
 import pytest
 from click.testing import CliRunner
 from fixed import fixed_settings
 from make_stand_ins import RECIPES as RECIPES_BY_NAME
-from make_stand_ins import camera_path
 from repeated import few
 from validator import errors
 
@@ -18,7 +14,6 @@ from taubench_gl.apps.scenes_command import STAND_IN_NAMES, describe
 from taubench_gl.datasets.stand_ins import STAND_INS
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, resolve_lighting
-from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.scene import load_scene
 
@@ -44,24 +39,6 @@ def assert_rows(camera, recipe):
         for axis in ("pitch", "yaw", "roll"):
             expected = paper["rotation"][f"{axis}_{key}"]
             assert camera[axis][key] == pytest.approx(expected, rel=tolerance, abs=1e-12), (axis, key)
-
-
-@cache
-def path_of(recipe):
-    return camera_path(recipe)
-
-
-@each
-def test_camera_path_has_the_papers_rows(recipe):
-    path = path_of(recipe)
-    activity = camera_activity(path.position, path.world_from_view)
-    cuts = detect_cuts(activity)
-    assert len(activity) == 360 and path.fps == 60.0
-    assert_rows(summarize(activity, cuts, path.fps), recipe)
-    # The only cut is the jump of the VR row.
-    jumps = 1 if recipe.stands_for.endswith("VR") else 0
-    assert np.count_nonzero(cuts) == len(path.jumps) == jumps
-    assert not np.any(activity.gimbal)
 
 
 @each
