@@ -24,6 +24,7 @@ from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.scores import Displayed, FrameTruth, classify
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
 
 Array = np.ndarray
@@ -92,6 +93,19 @@ def evaluate(scene, methods, frames: tuple[int, int], **more) -> Evaluation:
     """
     more = {"input": "full", "metrics": ("psnr", "relmse", "flicker"), "reference_samples": 1} | more
     return evaluate_methods(scene, methods, small_settings(frames=frames, **more.pop("settings", {})), **more)
+
+
+def truth_of(radiance: Array, index: int = 0, previous: Displayed | None = None, mask: int = 0, **facts) -> FrameTruth:
+    """Reference (h, w, 3) of a frame without motion, with one mask word.  ``facts``: further fields of FrameTruth."""
+    shape = radiance.shape[:2]
+    words, image = np.full(shape, mask, np.uint32), Displayed.of(radiance, np.full(shape, True), "linear")
+    return FrameTruth(index, image, previous, words, classify(words), np.zeros((*shape, 2)), **facts)
+
+
+def with_weight(image: Array, weight: Array | float = 0.0) -> Array:
+    """A result (h, w, 4) of an image (h, w, 3) and the weight of its history."""
+    weight = np.broadcast_to(weight, image.shape[:2])[..., None]
+    return np.concatenate([image, weight], axis=-1)
 
 
 @contextmanager

@@ -12,17 +12,6 @@ from taubench_gl.reuse.synthetic import synthetic_steps
 
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 SIZE = (64, 48)
-DEFINES = """\
-#define WIDTH 8 // of a group
-#define LIMIT 0.2f
-#define NOT_SCALED_FEATURE_BUFFERS \\
-"1.f,"\\
-"n.x,"\\
-// comment
-#define SCALED_FEATURE_BUFFERS \\
-"p.x,"\\
-"p.x*p.x"
-"""
 
 
 @pytest.fixture
@@ -87,22 +76,3 @@ def test_light_is_illumination_times_albedo_plus_emission(authors):
     light = given["noisy"] * given["albedo"] + np.where(surface, 0.5 * 0.25, 0.0)
     np.testing.assert_allclose(light, step.inputs["radiance"][::-1, :, :3], rtol=1e-6)
     assert given["albedo"].min() >= 0.01 and (given["albedo"][~surface[..., 0]] == 1).all()
-
-
-def test_constants_are_read_from_their_source(authors):
-    from bmfr_opencl import Layout, read_defines
-
-    defines = read_defines(DEFINES)
-    assert (defines["WIDTH"], defines["LIMIT"]) == ("8", "0.2f")
-    layout = Layout(defines | {"BLOCK_EDGE_LENGTH": "32"}, 150, 90)
-    assert (layout.plain, layout.scaled) == ("1.f,n.x,", "p.x,p.x*p.x")
-    assert (layout.features, layout.buffers, layout.work, layout.wide) == (4, 7, [160, 96], [192, 128])
-    assert layout.blocks == 6 * 4
-
-
-def test_missing_program_is_one_error(authors, tmp_path, monkeypatch):
-    monkeypatch.setenv("TAUBENCH_BMFR", str(tmp_path))
-    monkeypatch.setenv("TAUBENCH_OPENCL_PYTHON", str(tmp_path / "python"))
-    settings = {name: setting["default"] for name, setting in authors.AuthorsBmfr.settings.items()}
-    with pytest.raises(RuntimeError, match="python"):
-        authors.AuthorsBmfr(SIZE, settings)

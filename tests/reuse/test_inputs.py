@@ -195,17 +195,17 @@ def test_unshaded_pixels_are_filled(gpu, rate):
             np.testing.assert_array_equal(got[..., :3], full[at[..., 1], at[..., 0]])
 
 
-def test_positions_of_jittered_samples(gpu):
-    scene = still()
-    with inputs_of(gpu, scene, "jittered", reads=("position",)) as inputs:
+@pytest.mark.parametrize(("kind", "size", "period"), [("jittered", SIZE, 16), ("jittered+upscale@2", (32, 24), 32)])
+def test_positions_of_jittered_samples(gpu, kind, size, period):
+    with inputs_of(gpu, still(), kind, reads=("position",)) as inputs:
         for number in range(3):
             frame = inputs.advance(number)
-            np.testing.assert_array_equal(frame.jitter_px, halton_jitter(number))
+            np.testing.assert_array_equal(frame.jitter_px, halton_jitter(number, period))
             position = arrays(frame)["position"].astype(np.float64)
             clip = np.concatenate([position[..., :3], np.ones_like(position[..., :1])], axis=-1)
-            clip = clip @ frame.view.centered().clip_from_relative(*SIZE).T
-            at = (clip[..., :2] / np.where(clip[..., 3:] > 0, clip[..., 3:], 1.0) + 1.0) * 0.5 * SIZE - 0.5
-            x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1] - 1, -1, -1))
+            clip = clip @ frame.view.centered().clip_from_relative(*size).T
+            at = (clip[..., :2] / np.where(clip[..., 3:] > 0, clip[..., 3:], 1.0) + 1.0) * 0.5 * size - 0.5
+            x, y = np.meshgrid(np.arange(size[0]), np.arange(size[1] - 1, -1, -1))
             surface = position[..., 3] > 0
             off = at - np.stack([x, y], axis=-1) - frame.jitter_px
             assert np.abs(off[surface]).max() < 1e-3

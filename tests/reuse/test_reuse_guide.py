@@ -15,7 +15,7 @@ from reuse_tools import evaluate, play
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.conventions import Reason
-from taubench_gl.errors import MethodError, OutputError
+from taubench_gl.errors import OutputError
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.check import check_method, write_example
 from taubench_gl.reuse.contract import EMITTED, FORMATS, LIGHTS
@@ -40,10 +40,6 @@ def guide_method(tmp_path):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
     return tmp_path / "ema"
-
-
-def test_shortest_method_has_fewer_than_thirty_lines(guide_method):
-    assert sum(len((guide_method / name).read_text().splitlines()) for name in ("method.toml", "ema.glsl")) < 30
 
 
 def test_guide_method_accumulates_and_rejects(gpu, guide_method):
@@ -149,18 +145,3 @@ def test_list_and_show(monkeypatch, tmp_path):
         assert facts["bytes_1080p"] >= 1920 * 1080 * 16
     shown = run.invoke(cli, ["reuse", "show", "taa_variance"], catch_exceptions=False).output
     assert all(part in shown for part in ("Salvi 2016", "gamma", "99.5 MB", "variance.glsl", "0 to 8"))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "value"),
-    [
-        (["show", "taa_clmp"], "'taa_clamp'"),
-        (["check", "none", "--set", "alpha=1"], "'alpha'"),
-        (["check", "taa_clamp", "--set", "alpha=high"], "'high'"),
-        (["check", "no/such/folder"], "'no/such/folder'"),
-    ],
-)
-def test_wrong_input_is_one_line(arguments, value):
-    result = CliRunner().invoke(cli, ["reuse", *arguments])
-    assert isinstance(result.exception, MethodError)
-    assert value in str(result.exception) and "\n" not in str(result.exception)

@@ -9,7 +9,7 @@ import pytest
 from references import sample_scores
 from references.reuse_methods.restir import Moment
 from reuse_scenes import settings as small_settings
-from reuse_tools import PLAIN_GLSL, PLAIN_TOML, write_method
+from reuse_tools import PLAIN_GLSL, PLAIN_TOML, truth_of, write_method
 from sample_tools import SCENES, lamps, opened, triangles_of
 
 from taubench_gl.conventions import Reason
@@ -28,7 +28,6 @@ from taubench_gl.reuse.samples import (
     outcome_colors,
     sign_test,
 )
-from taubench_gl.reuse.scores import Displayed, FrameTruth, classify
 
 SMALL = {"candidates": 4}
 
@@ -145,13 +144,6 @@ def test_sign_test(split, p):
     assert sign_test(*split) == pytest.approx(p)
 
 
-def reference(radiance, frame: int = 0, mask=0) -> FrameTruth:
-    shape = radiance.shape[:2]
-    words = np.full(shape, mask, dtype=np.uint32)
-    image = Displayed.of(radiance, np.full(shape, True), "linear")
-    return FrameTruth(frame, image, None, words, classify(words), np.zeros((*shape, 2)))
-
-
 def gray(values) -> np.ndarray:
     return np.repeat(np.asarray(values, dtype=np.float64)[..., None], 3, axis=-1)
 
@@ -166,7 +158,7 @@ def test_bias_and_correlation_of_made_images():
             record.begin()
             for frame in range(3):
                 image = images[frame if name == "fresh" else 0]
-                record.add(made(shape=shape), gray(image), reference(gray(np.full(shape, 0.5)), frame))
+                record.add(made(shape=shape), gray(image), truth_of(gray(np.full(shape, 0.5)), frame))
     fresh, held = (record.summary() for record in records.values())
     assert fresh["bias"]["mean"] == pytest.approx(0.02, abs=4 * 0.1 / np.sqrt(6 * 2 * 2000))
     assert fresh["bias"]["percent"] == pytest.approx(200 * fresh["bias"]["mean"])
@@ -186,7 +178,7 @@ def test_one_seed_has_no_interval():
     record = SampleRecord(1, 1.0)
     record.begin()
     for frame in range(2):
-        record.add(made(), gray(np.zeros((3, 4))), reference(gray(np.ones((3, 4))), frame))
+        record.add(made(), gray(np.zeros((3, 4))), truth_of(gray(np.ones((3, 4))), frame))
     out = record.summary()
     assert out["bias"]["low"] is None and out["bias"]["mean"] == pytest.approx(-1.0)
 
@@ -202,7 +194,7 @@ def test_frames_until_a_new_light_is_found():
             kept = frame.kept.copy()
             kept[1:, :, 0] = 7
             frame = SampleFrame(frame.history, kept, frame.facts, frame.born, frame.born_light, frame.counts)
-        record.add(frame, expected, reference(expected, number))
+        record.add(frame, expected, truth_of(expected, number))
     born = record.summary()["born"]
     assert born == {"pixels": 12, "found_percent": pytest.approx(100 * 8 / 12), "frames": 2.0}
 
@@ -211,7 +203,7 @@ def test_a_weak_new_light_is_not_looked_for():
     record = SampleRecord(1, 1.0)
     record.begin()
     for number in range(3):
-        record.add(made(born=7, born_light=0.2), gray(np.ones((3, 4))), reference(gray(np.ones((3, 4))), number))
+        record.add(made(born=7, born_light=0.2), gray(np.ones((3, 4))), truth_of(gray(np.ones((3, 4))), number))
     assert record.summary()["born"]["pixels"] == 0
 
 

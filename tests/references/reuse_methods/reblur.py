@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from references.brdf_sampling import basis_around
+from references.brdf_sampling import basis_around as tangents
 from references.reuse_methods.history import consistent_blend, inside, sample_history, shifted
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.srgb import LUMINANCE
@@ -160,7 +160,7 @@ class Reblur:
         """Light of both lobes, blurred over disks of ``radii`` pixels in the tangent plane; that of the sky stays."""
         h, w = self._surface.shape
         normal, position = f["normal"][..., :3], f["position"][..., :3]
-        t, b = basis_around(normal)
+        t, b = tangents(normal)
         angle, out = kernel_angle((w, h), index, salt), []
         for lobe, (light, radius) in enumerate(zip(lights, radii)):
             sums, total = light.copy(), np.ones((h, w))
