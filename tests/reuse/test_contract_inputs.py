@@ -8,10 +8,8 @@ from references.lobes import lobe_albedos, transparency
 from reuse_scenes import glowing, lit_room, settings, still
 from reuse_tools import PLAIN_GLSL, PLAIN_TOML, arrays, open_inputs, play, still_steps, write_method
 
-from taubench_gl.errors import MethodError
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import MAX_REACTIVE, MIN_ALBEDO
-from taubench_gl.reuse.loading import load_method
 from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 from taubench_gl.srgb import LUMINANCE
 
@@ -173,21 +171,6 @@ def test_names_of_later_inputs_are_free_in_older_methods(gpu, tmp_path):
         np.testing.assert_array_equal(result[..., 0], 0.25)
         np.testing.assert_array_equal(result[..., 1], index + 1)
         np.testing.assert_array_equal(result[..., 2], 8)
-
-
-@pytest.mark.parametrize(
-    ("reads", "declared"),
-    [
-        ("variance", '[history]\nvariance = "r32f"'),
-        ("material", "[settings]\nroughness = 0.5"),
-        ("emitted", "[settings]\nremodulate = 0.5"),
-    ],
-)
-def test_names_of_inputs_that_are_read_are_not(tmp_path, reads, declared):
-    toml = f'reads = ["radiance", "{reads}"]\n{declared}\n' + PLAIN_TOML.partition("\n")[2]
-    folder = write_method(tmp_path / "m", toml, a=PLAIN_GLSL)
-    with pytest.raises(MethodError, match=declared.split()[1]):
-        load_method(str(folder))
 
 
 REMODULATE = """\

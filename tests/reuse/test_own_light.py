@@ -237,24 +237,6 @@ def test_frames_without_lights_are_refused(gpu, probe):
     assert "lights" in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "part"),
-    [
-        (TOML.replace('"own"', '"mine"'), "light: "),
-        ("upscales = true\n" + TOML, "light: "),
-        (TOML.replace('probe = "Probe"', 'probe = "Prob"'), "history.probe: "),
-        (TOML.replace('now = "vec4"', 'now = "vec3"'), "structs.Probe.now: "),
-        (TOML.replace("structs.Probe", "structs.probe"), "structs.probe: "),
-        (TOML.replace('probe = "Probe"', 'light_at = "Probe"'), "history: "),
-        (TOML + "block = [8, 8]\n", "pass[0].block: "),
-    ],
-)
-def test_wrong_declarations(tmp_path, text, part):
-    with pytest.raises(MethodError) as caught:
-        load_method(write_method(tmp_path / "m", text, a=GLSL))
-    assert part in caught.value.what and "\n" not in str(caught.value)
-
-
 def test_a_struct_needs_no_lights(tmp_path):
     """A method of shaded frames can have records, too; their bytes count."""
     toml = PLAIN_TOML.replace(

@@ -9,11 +9,10 @@ import pytest
 from references import sample_scores
 from references.reuse_methods.restir import Moment
 from reuse_scenes import settings as small_settings
-from reuse_tools import PLAIN_GLSL, PLAIN_TOML, truth_of, write_method
+from reuse_tools import truth_of
 from sample_tools import SCENES, lamps, opened, triangles_of
 
 from taubench_gl.conventions import Reason
-from taubench_gl.errors import MethodError
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.report.reuse import merged_summaries, reuse_tables
 from taubench_gl.reuse.evaluate import evaluate_methods
@@ -240,10 +239,3 @@ def test_an_evaluation_scores_them(gpu):
     plain = done.summary | {"methods": {"none": methods["none"]}}
     (merged,) = merged_summaries([("a", plain), ("b", done.summary)])
     assert [table.number for table in reuse_tables(merged)][-4:] == [8, 9, 10, 12]
-
-
-def test_reports_of_samples_need_lights(tmp_path):
-    toml = PLAIN_TOML.replace('["result"]', '["result", "kept_sample"]')
-    with pytest.raises(MethodError) as caught:
-        load_method(write_method(tmp_path / "m", toml, a=PLAIN_GLSL))
-    assert "pass[0].writes" in caught.value.what

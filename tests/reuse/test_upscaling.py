@@ -14,7 +14,6 @@ from taubench_gl.errors import MethodError, SettingsError
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
 
@@ -117,23 +116,6 @@ def test_a_python_class_that_upscales(gpu):
     uploader.release()
     assert result.shape[:2] == LARGE[::-1]
     np.testing.assert_allclose(result[1, 1, :3], step.inputs["radiance"][1, 1, :3], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        (("upscales = true", "upscales = 1"), "upscales"),
-        (("upscales = true\n", ""), "upscales = true"),
-        (('size = "input" }', 'size = "half" }'), "half"),
-        (('shader = "a.glsl"\nsize = "input"', 'shader = "a.glsl"'), "count"),
-        (('format = "r32f", ', ""), "format"),
-        (('sum = "rgba32f"', 'input_size = "rgba32f"'), "input_size"),
-    ],
-)
-def test_errors_of_sizes(tmp_path, change, named):
-    folder = write_method(tmp_path / "m", GRIDS_TOML.replace(*change), a=COUNT, b=GRIDS)
-    with pytest.raises(MethodError, match=named):
-        load_method(str(folder))
 
 
 # --------------------------------------------------------------------------------------------------------- evaluations
