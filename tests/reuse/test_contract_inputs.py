@@ -68,22 +68,6 @@ def test_albedos_and_demodulated_light(gpu):
         np.testing.assert_allclose(product, a[lobe][..., :3], rtol=1e-5, atol=1e-7)
 
 
-def test_light_without_texture_has_no_texture(gpu):
-    """Two materials under the same light: what is left after demodulation is equal."""
-    b = SceneBuilder()
-    for x, color in ((-1.0, 0.1), (1.0, 0.8)):
-        plain = b.material(base_color=(color, color, color, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
-        b.node(mesh=b.mesh(box((1.0, 1.0, 0.1), material=plain)), translation=(x, 0.0, -2.0))
-    b.light(translation=(0.0, 0.0, 40.0), intensity=4000.0)
-    b.camera(yfov=np.radians(40.0), znear=0.1)
-    with varied_inputs(gpu, "full", ("diffuse", "diffuse_demodulated"), scene=b.build(), indirect="none") as inputs:
-        a = float_arrays(inputs.advance(0))
-    left, right = (a["diffuse"][15, x, 0] for x in (10, 30))
-    assert right == pytest.approx(8 * left, rel=0.01)
-    left, right = (a["diffuse_demodulated"][15, x, 0] for x in (10, 30))
-    assert right == pytest.approx(left, rel=0.01) and left > 0
-
-
 def test_statistics_of_paths(gpu):
     with varied_inputs(gpu, "path-traced@4", ("hit_distance", "sample_count", "variance")) as inputs:
         a = float_arrays(inputs.advance(0))

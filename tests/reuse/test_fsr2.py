@@ -9,15 +9,12 @@ import pytest
 from references import reuse_methods as reference
 from references.reuse_methods.fsr2 import Grids, Prepared, pixels
 from reuse_scenes import drifting_checks, settings
-from reuse_tools import bypassed, still_steps
-from reuse_tools import play as play_same_size
+from reuse_tools import bypassed, stages, still_steps
+from reuse_tools import play as play_frames
 from stage_tools import stored
 
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.reuse.frame import FrameInputs, read_result
-from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.runner import MethodRunner
-from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
+from taubench_gl.reuse.synthetic import synthetic_steps
 
 SMALL, LARGE = (40, 24), (60, 36)
 GRIDS = Grids(SMALL, LARGE)
@@ -64,16 +61,8 @@ def steps():
 
 def play(gpu, method, steps, **changed) -> list[Array]:
     """Results of LARGE from inputs of SMALL with JITTERS and SETTINGS but for ``changed``, row 0 at the bottom."""
-    uploader = Uploader(gpu, SMALL)
-    results = []
-    with MethodRunner(gpu, method, LARGE, SETTINGS | changed, input_size=SMALL) as runner:
-        for step in steps:
-            frame = uploader.frame(step)
-            fields = {n: getattr(frame, n) for n in FrameInputs.__dataclass_fields__}
-            fields |= {"jitter_px": JITTERS[step.index], "prev_jitter_px": JITTERS[max(step.index - 1, 0)]}
-            results.append(read_result(runner.step(FrameInputs(**fields)))[::-1])
-    uploader.release()
-    return results
+    jitter = {"jitter_px": lambda index: JITTERS[index], "prev_jitter_px": lambda index: JITTERS[max(index - 1, 0)]}
+    return [result[::-1] for result in play_frames(gpu, method, steps, SETTINGS | changed, size=LARGE, **jitter)]
 
 
 def reference_frames(steps) -> list[Array]:
@@ -161,13 +150,7 @@ BYPASSES = {
 }  # fmt: skip
 
 
-def test_every_stage_has_a_bypass():
-    stages = load_method("fsr2-class").stages
-    assert {stage.name for stage in stages if stage.done} <= set(BYPASSES)
-    assert [stage.name for stage in stages if not stage.done] == ["auto_reactive"]
-
-
-@pytest.mark.parametrize("stage", BYPASSES)
+@pytest.mark.parametrize("stage", stages("fsr2-class", BYPASSES))
 def test_a_bypassed_stage_is_noticed(gpu, tmp_path, steps, expected, stage):
     folder = bypassed(tmp_path / "fsr2-class", "fsr2-class", BYPASSES[stage])
     with pytest.raises(AssertionError, match="largest"):
@@ -254,7 +237,7 @@ def test_noise_darkens_to_the_mean_of_its_tone_map(gpu):
     frames = [replace(step, inputs=step.inputs | empty) for step in still_steps(SMALL, noise)]
     x = np.concatenate([image.ravel() for image in noise])
     tone_mapped = np.mean(x / (1 + x))
-    last = play_same_size(gpu, "fsr2-class", frames)[-1][..., :3].mean()
+    last = play_frames(gpu, "fsr2-class", frames)[-1][..., :3].mean()
     assert last == pytest.approx(tone_mapped / (1 - tone_mapped), rel=0.05)
     assert last < 0.75 < 0.95 < x.mean()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from references.resampling import resample_bilinear
 from reuse_scenes import settings, still
-from reuse_tools import write_method
+from reuse_tools import play, write_method
 
 from taubench_gl.errors import MethodError, SettingsError
 from taubench_gl.reuse.evaluate import evaluate_methods
@@ -65,28 +65,16 @@ def test_grids_of_an_upscaling_method(gpu, grids):
             motion = step.inputs["motion"][rows[:, None], columns] * 1.5 * [1, -1]  # +y up in GLSL
             near = np.abs(motion).max(axis=-1) < 1e3
             np.testing.assert_allclose(result[near, 1:3], motion[near], atol=1e-3)
+    with MethodRunner(gpu, grids, LARGE, input_size=(12, 8)) as runner, pytest.raises(MethodError, match="24x16"):
+        runner.step(uploader.frame(step))
     uploader.release()
-
-
-def test_an_upscaling_method_at_one_size(gpu, grids):
-    uploader = Uploader(gpu, SMALL)
-    with MethodRunner(gpu, grids, SMALL) as runner:
-        result = read_result(runner.step(uploader.frame(next(iter(synthetic_steps(SMALL, 1))))))
-    uploader.release()
-    assert result.shape[:2] == SMALL[::-1] and (result[..., 3] == 1).all()
+    (result,) = play(gpu, grids, synthetic_steps(SMALL, 1))
+    assert result.shape[:2] == SMALL[::-1] and (result[..., 3] == 1).all(), "at one size"
 
 
 def test_other_methods_are_resampled_bilinearly(gpu):
-    uploader = Uploader(gpu, SMALL)
-    step = next(iter(synthetic_steps(SMALL, 1)))
-    with MethodRunner(gpu, "none", LARGE, input_size=SMALL) as runner:
-        result = read_result(runner.step(uploader.frame(step)))
-    with (
-        MethodRunner(gpu, "none", LARGE, input_size=(12, 8)) as runner,
-        pytest.raises(MethodError, match="24x16"),
-    ):
-        runner.step(uploader.frame(step))
-    uploader.release()
+    (step,) = synthetic_steps(SMALL, 1)
+    (result,) = play(gpu, "none", [step], size=LARGE)
     expected = resample_bilinear(step.inputs["radiance"][..., :3], LARGE)
     np.testing.assert_allclose(result[..., :3], expected, rtol=1e-5, atol=1e-6)
 
@@ -109,11 +97,8 @@ class Both:
 
 
 def test_a_python_class_that_upscales(gpu):
-    uploader = Uploader(gpu, SMALL)
-    with MethodRunner(gpu, Both, LARGE, input_size=SMALL) as runner:
-        step = next(iter(synthetic_steps(SMALL, 1)))
-        result = read_result(runner.step(uploader.frame(step)))
-    uploader.release()
+    (step,) = synthetic_steps(SMALL, 1)
+    (result,) = play(gpu, Both, [step], size=LARGE)
     assert result.shape[:2] == LARGE[::-1]
     np.testing.assert_allclose(result[1, 1, :3], step.inputs["radiance"][1, 1, :3], rtol=1e-6)
 
@@ -121,22 +106,11 @@ def test_a_python_class_that_upscales(gpu):
 # --------------------------------------------------------------------------------------------------------- evaluations
 def test_input_kinds_with_a_factor():
     kind = parse_input("path-traced@1+jittered+upscale@1.5")
-    assert kind.upscale == Fraction(3, 2) and kind.text == "path-traced@1+jittered+upscale@1.5"
+    assert kind.upscale == Fraction(3, 2)
     assert kind.input_size((480, 270)) == (320, 180) and kind.jitter_period == 18
     assert not parse_input("upscale@2").exact and parse_input("upscale@2").jitter_period == 32
     with pytest.raises(SettingsError):
         kind.input_size((64, 48))
-    for text in (
-        "upscale@1",
-        "upscale@0",
-        "upscale@5",
-        "upscale",
-        "upscale@2+upscale@3",
-        "upscale@x",
-        "exr:d+upscale@2",
-    ):
-        with pytest.raises(SettingsError):
-            parse_input(text)
 
 
 def test_path_traced_input_below_the_size_of_its_reference(tmp_path, monkeypatch):
