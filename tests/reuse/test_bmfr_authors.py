@@ -52,22 +52,6 @@ def test_history_is_read_where_motion_says(authors):
         assert np.abs(at - expected)[ball].max() > 0.5
 
 
-def test_jitter_is_no_motion(authors):
-    """A sample beside the pixel center is found in its own pixel by a still camera."""
-    (step,) = synthetic_steps(SIZE, 1)
-    jitter = np.array([0.25, -0.375])  # y down
-    pair = step.pair
-    moved = pair.sky_origin + jitter[0] * pair.sky_dx - jitter[1] * pair.sky_dy
-    inputs = {"position": np.zeros_like(step.inputs["position"])}
-    changes = inputs | {"jitter_px": jitter, "pair": type(pair)(**vars_of(pair) | {"sky_origin": moved})}
-    at = previous_px(authors.their_inputs(frame_of(step, **changes)))
-    np.testing.assert_allclose(at, np.stack(np.mgrid[: SIZE[1], : SIZE[0]][::-1], axis=-1), atol=1e-3)
-
-
-def vars_of(pair):
-    return {name: getattr(pair, name) for name in pair.__dataclass_fields__}
-
-
 def test_light_is_illumination_times_albedo_plus_emission(authors):
     (step,) = synthetic_steps(SIZE, 1)
     emission = np.full_like(step.inputs["emission"], 0.25)

@@ -156,30 +156,6 @@ def test_points_of_a_moving_panel(gpu, tmp_path):
     np.testing.assert_allclose(got["drawn"][drawn > 0, 3], 0.25, rtol=1e-6)
 
 
-def test_the_panel_is_sampled_without_bias(gpu):
-    """Against quadrature over 16x16 points of each triangle, twelve t-values at 1e-4 together."""
-    scene = panel(0.0)
-    results, surfaces, rows, _ = run_seeds(gpu, scene, load_method("ris"), 1, range(64), {"candidates": 4})
-    view_position = np.array([0.0, 1.2, 2.0])
-    u = (np.arange(16) + 0.5) / 16
-    grid = np.stack(np.meshgrid(u, u), axis=-1).reshape(-1, 2)
-    points = surfaces["position"][..., :3].astype(np.float64)
-    exact = own_light.reflected(surfaces, rows[0])
-    for corners in (
-        [[-0.4, 1.5, -1.3], [0.4, 1.5, -1.3], [0.4, 1.5, -0.7]],
-        [[-0.4, 1.5, -1.3], [0.4, 1.5, -0.7], [-0.4, 1.5, -0.7]],
-    ):
-        at = np.array(corners) - view_position
-        for uv in grid:
-            to_light, radiance = own_light.area_incident(
-                at, np.array([3.0, 2.0, 1.0]), np.broadcast_to(uv, (*points.shape[:2], 2)), points
-            )
-            exact = exact + own_light.brdf(surfaces, to_light) * radiance / len(grid)
-    blocked = np.any(surfaces["color"][..., :3] == 0, axis=-1) | (surfaces["position"][..., 3] == 0)
-    assert not blocked.any(), "the panel itself is not in view"
-    assert np.abs(t_values(results, exact)).max() < 4.9
-
-
 def test_the_result_is_completed_by_the_rest_of_the_light(gpu, probe):
     """Exposure for the method's light; indirect light and emission of the input, which are radiance - direct."""
     with opened(gpu, lamps(), (*probe.reads, "direct"), bounces=3, indirect="auto", exposure=2.0) as inputs:

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from references.reuse_methods import neighborhood_box, variance_box, ycocg_from_rgb
 from references.shading_rate import nearest_shaded, shaded
 from repeated import few
 from reuse_tools import display, frame_methods, play, still_steps
@@ -85,23 +84,6 @@ def test_accumulation_converges_as_one_over_n(gpu):
         spread = math.sqrt((2 + 0.6 / n) / error.size)
         assert abs(np.mean(error**2) * n / 0.1 - 1) < 5 * spread, n
     np.testing.assert_allclose(results[7][..., 3], 1 - 1 / 8, rtol=1e-6)
-
-
-@pytest.mark.parametrize("name", ["taa_clamp", "taa_clip", "taa_variance"])
-def test_history_is_limited_to_the_neighborhood_box(gpu, name):
-    """History of a different color is limited to the box of the current frame; without the box it is not."""
-    rng = np.random.default_rng(7)
-    first, second = rng.random((2, SIZE[1], SIZE[0], 3)) * [[[[1.0]]], [[[0.2]]]]
-    steps = still_steps(SIZE, [5.0 + first, second])
-    result = play(gpu, name, steps)[1][..., :3]
-    low, high = variance_box(second) if name == "taa_variance" else neighborhood_box(second)
-    color = ycocg_from_rgb(result)
-    assert (color >= low - 1e-5).all() and (color <= high + 1e-5).all()
-    if name == "taa_clip":
-        return  # it has no setting without the box
-    free = {"clamping": False} if name == "taa_clamp" else {"gamma": 8.0}
-    loose = ycocg_from_rgb(play(gpu, name, steps, free)[1][..., :3])
-    assert (loose > high + 1e-3).any()
 
 
 def rotation(yaw: float, pitch: float, roll: float) -> np.ndarray:

@@ -182,28 +182,22 @@ def test_one_seed_has_no_interval():
     assert out["bias"]["low"] is None and out["bias"]["mean"] == pytest.approx(-1.0)
 
 
-def test_frames_until_a_new_light_is_found():
-    """Born in frame 1, half of the light; found two frames later, but never in the first row."""
+@pytest.mark.parametrize("light", [0.25, 0.1])
+def test_frames_until_a_new_light_is_found(light):
+    """Born in frame 1, found two frames later, never in the first row; half of all light counts, a fifth does not."""
     record, none = SampleRecord(1, 2.0), (0, 0.5, 0.5, 4)
     record.begin()
     expected = gray(np.ones((3, 4)))
     for number in range(5):
-        frame = made(kept=none, born=7 if number == 1 else -1, born_light=0.25)
+        frame = made(kept=none, born=7 if number == 1 else -1, born_light=light)
         if number >= 3:
             kept = frame.kept.copy()
             kept[1:, :, 0] = 7
             frame = SampleFrame(frame.history, kept, frame.facts, frame.born, frame.born_light, frame.counts)
         record.add(frame, expected, truth_of(expected, number))
     born = record.summary()["born"]
-    assert born == {"pixels": 12, "found_percent": pytest.approx(100 * 8 / 12), "frames": 2.0}
-
-
-def test_a_weak_new_light_is_not_looked_for():
-    record = SampleRecord(1, 1.0)
-    record.begin()
-    for number in range(3):
-        record.add(made(born=7, born_light=0.2), gray(np.ones((3, 4))), truth_of(gray(np.ones((3, 4))), number))
-    assert record.summary()["born"]["pixels"] == 0
+    found = {"pixels": 12, "found_percent": pytest.approx(100 * 8 / 12), "frames": 2.0}
+    assert born == (found if light == 0.25 else {"pixels": 0, "found_percent": None, "frames": None})
 
 
 def test_words_and_colors_of_a_reservoir():
