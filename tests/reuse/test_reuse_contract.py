@@ -35,6 +35,7 @@ def error_of(tmp_path, toml: str, glsl: str = PLAIN_GLSL) -> str:
     [
         ("", ["reads: ", "pass: "]),
         ('reads = ["radience"]\n' + PASS, ["reads: ", "'radience'", "'radiance'"]),
+        ('reads = ["radiance", "reference"]\ngenerates = "interpolate"\n' + PASS, ["reads: ", "'reference'"]),
         ("reads = 3\n" + PASS, ["reads "]),
         ('base = "svfg"\n' + READS + PASS, ["base: ", "'svfg'", "'svgf'"]),
         ('title = " "\n' + READS + PASS, ["title: "]),
