@@ -116,20 +116,6 @@ def test_options_in_sentences_exist(page: Path):
     assert not named - all_options()
 
 
-def test_wrong_examples_are_refused():
-    for line in (
-        "evaluate a.glb --sise 3x3",
-        "evaluate a.glb --size big",
-        "reuse evaluat",
-        "evaluate",
-        "view a.glb x y",
-    ):
-        with pytest.raises(click.ClickException):
-            parse(line.split())
-    for line in ("batch spec.toml --out results --workers 4", "batch status results", "evaluate --help"):
-        parse(line.split())
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_blocks_of_data_and_code_parse(page: Path):
     """Blocks of a page parse, and every name that an example imports from the package exists."""
