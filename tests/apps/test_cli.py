@@ -49,6 +49,9 @@ for command in ([], ["doctor"], ["inspect"], ["evaluate"], ["compare"]):
         assert ended.code in (0, None)
     heavy = {"moderngl", "numpy", "matplotlib", "rich"} & set(sys.modules)
     assert not heavy, (command, heavy)
+import taubench_gl.api, taubench_gl.evaluation
+from taubench_gl.viewer import state, actions, engine
+assert not {"glfw", "imgui_bundle"} & set(sys.modules), "libraries of the viewer extra"
 """
     done = fresh("-c", code)
     assert done.returncode == 0, done.stderr
