@@ -15,6 +15,7 @@ from light_tools import opened, shoot
 from test_effects_on_demand import everything
 
 from taubench_gl.apps.inspect_command import describe
+from taubench_gl.effects.path_tracing import GLASS
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.materials import image_bytes
 from taubench_gl.frame.passes.lighting import LOBES
@@ -171,8 +172,7 @@ def test_one_lobe_makes_direct_light_write_both():
 
 def test_what_effects_depend_on():
     on_direct = {"shadows", "light_culling", "glossy", "sky", "sun", "point_lights", "spot_lights"}
-    on_direct |= {"directional_lights", "path_traced", "emitter_light", "environment_light"}
-    on_direct |= {"dielectrics", "transmission", "volume"}
+    on_direct |= {"directional_lights", "path_traced", "emitter_light", "environment_light", *GLASS}
     assert {effect for effect, needed in DEPENDS.items() if "direct" in needed} == on_direct | {"indirect"}
     assert not any("shadows" in needed for needed in DEPENDS.values())  # lights without maps shine on patches
     assert not DEPENDS["direct"] and not DEPENDS["normal_maps"]
