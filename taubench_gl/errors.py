@@ -24,7 +24,9 @@ def choice_hint(name: object, names: Iterable[str], more: str = "", shown: Itera
 
 
 class TaubenchError(Exception):
-    """Base class.  ``what`` is wrong, ``where`` and ``hint`` may be None; ``str(error)`` is one printable line."""
+    """Base class of errors that a user can cause.  ``what`` is wrong, ``where`` and ``hint`` may be None;
+    ``str(error)`` is one printable line.
+    """
 
     def __init__(self, what: str, *, where: str | None = None, hint: str | None = None):
         self.what, self.where, self.hint = what, where, hint

@@ -209,9 +209,9 @@ class Setting:
             raise SettingsError(message, hint=hint, setting=self.name) from None
 
 
-def setting(default: Any, meaning: str, check: Check | None = None, **more: Any) -> Any:
-    """A field of a dataclass, or the default of a keyword parameter of a command.  ``more``: fields of Setting."""
-    metadata = {"setting": Setting(default=default, meaning=meaning, check=check, **more)}
+def setting(default: Any, meaning: str, check: Check | None = None, **fields: Any) -> Any:
+    """A field of a dataclass, or the default of a keyword parameter of a command.  ``fields``: of ``Setting``."""
+    metadata = {"setting": Setting(default=default, meaning=meaning, check=check, **fields)}
     if isinstance(default, dict):
         return dataclasses.field(default_factory=default.copy, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)

@@ -93,7 +93,7 @@ def run(
 
 
 def _number(text: str, kind: type, setting: str) -> Any:
-    """None for the best."""
+    """``text`` as a number of type ``kind``, None for ``best``.  Raises SettingsError that names ``setting``."""
     try:
         return None if text == BEST else kind(text)
     except ValueError:

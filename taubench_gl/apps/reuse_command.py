@@ -32,7 +32,9 @@ def _pairs(texts: Any) -> Any:
 
 
 def parsed_settings(method: Method, given: tuple[tuple[str, str], ...]) -> dict[str, Any]:
-    """Values of the command line in the types of the method's settings.  Raises MethodError."""
+    """Setting -> value in its type, from (name, text) pairs of the command line; all others at their default.  Raises
+    MethodError.
+    """
     parsed = {n: method.settings[n].parse(text) if n in method.settings else text for n, text in given}
     return method.values(parsed)
 

@@ -58,7 +58,9 @@ LIGHTING = ("light_unit", "exposure", "environment", "spp", "pairs")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadUnit(Unit):
-    """All of a job that needs no pair.  ``stamp``: ``file_stamp`` of the scene before it is read."""
+    """The unit that makes the head of a job: all that needs no pair.  ``stamp``: ``file_stamp`` of the scene before it
+    is read.
+    """
 
     of: Job
     stamp: list[int] | None

@@ -95,7 +95,7 @@ FORCEABLE = {
 
 
 def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]:
-    """Columns that are null, and why."""
+    """Column that is null -> why nothing can measure it."""
     out = {}
     for column in COLUMNS:
         if column not in settings.metrics.columns:

@@ -83,7 +83,7 @@ class Tally:
         self.rows.append(row)
 
     def summary(self, static: Mapping[str, Any], views: list[View], source: Mapping[str, Any]) -> dict[str, Any]:
-        """summary.json of the pairs, without timing and provenance.
+        """The content of summary.json for the pairs that were added, without timing and provenance.
 
         ``static``: what needs no pair (``summary.static_summary``); ``views``: of all frames; ``source``: what the
         source of the frames says of itself (``Source.describe``).

@@ -121,7 +121,7 @@ def export_scene(
 
 
 Control = tuple[bool, Callable[[Progress], None] | None, Callable[[str], None]]
-"""Whether to overwrite; what gets the progress; what gets lines of text."""
+"""How an export is run: whether to overwrite, what gets the progress, and what gets lines of text."""
 
 
 def _export_eyes(

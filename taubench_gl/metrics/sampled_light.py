@@ -176,7 +176,7 @@ class Visit:
     samples: int  # of all pixels, of each of the two frames
 
     def record(self) -> dict[str, Any]:
-        """The estimate as JSON values, from which it is read back without loss."""
+        """The visit as JSON values, from which ``of_record`` reads it back without loss."""
         out = {name: getattr(self, name) for name in self.__slots__}
         arrays = {name: out[name].tolist() for name in _KINDS}
         return out | arrays | {"curves": {column: curve.tolist() for column, curve in self.curves.items()}}

@@ -108,7 +108,9 @@ _BOUND_NOTE = (
 
 
 def reuse_tables(summary: Summary) -> list[Table]:
-    """Quality; reuse, time and memory; error by pixel class.  Failed methods are rows of dashes with the reason."""
+    """Tables of quality, of reuse, time and memory, and of error by pixel class.  Failed methods are rows of dashes
+    with the reason.
+    """
     methods, measures = summary["methods"].items(), summary["measures"]
     columns = tuple(replace(column, definition=measures[name]["doc"]) for name, column in _QUALITY.items())
     rows = tuple(_row(label, method, "mean", _QUALITY) for label, method in methods)

@@ -40,11 +40,11 @@ class Helpers:
         return self._own(_input_pixels(self.output_size, self.input_size).copy())
 
     def input_from_output(self, at: Image) -> Image:
-        """The same points in pixels of the input."""
+        """Points ``at`` of the result, (..., 2), in pixels of the input."""
         return (at + 0.5) / self._scale() - 0.5
 
     def output_from_input(self, at: Image) -> Image:
-        """The same points in pixels of the result."""
+        """Points ``at`` of the input, (..., 2), in pixels of the result."""
         return (at + 0.5) * self._scale() - 0.5
 
     def previous_px(self) -> Image:
@@ -56,7 +56,9 @@ class Helpers:
         return self._without_reasons("mask", REJECT)
 
     def reusable_exact(self) -> Image:
-        """As ``reusable``, by the masks of the exact frames (reads exact_mask)."""
+        """Pixels with a history that no geometry mask of the exact frames discards, (height, width) bool (reads
+        exact_mask).
+        """
         return self._without_reasons("exact_mask", REJECT | _CHANGED)
 
     def inside(self, at: Image) -> Image:
@@ -127,11 +129,11 @@ class Helpers:
 
     # -------------------------------------------------------------------------------------------------------- color
     def luminance(self, rgb: Image) -> Image:
-        """(...) of (..., >= 3)."""
+        """Luminance (...) of linear RGB (..., >= 3)."""
         return sum(float(weight) * rgb[..., k] for k, weight in enumerate(LUMINANCE))
 
     def ycocg_from_rgb(self, c: Image) -> Image:
-        """Malvar and Sullivan 2003, the real-valued transform."""
+        """YCoCg (..., 3) of RGB: the real-valued transform of Malvar and Sullivan 2003."""
         r, g, b = c[..., 0], c[..., 1], c[..., 2]
         return self._xp.stack([0.25 * r + 0.5 * g + 0.25 * b, 0.5 * r - 0.5 * b, -0.25 * r + 0.5 * g - 0.25 * b], -1)
 

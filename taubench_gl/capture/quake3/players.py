@@ -103,7 +103,7 @@ class _Body:
 
 
 def add_players(timeline: Timeline, surfaces: Surfaces) -> None:
-    """Every other player and body, with the weapon in hand.  The recording player is in no snapshot."""
+    """Add every other player and body, with the weapon in hand.  The recording player is in no snapshot."""
     for (number, client), track in timeline.tracks(PLAYER_KIND, ("client",)).items():
         info = timeline.demo.player_info(client)
         body = _body(surfaces, info)

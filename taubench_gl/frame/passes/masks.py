@@ -112,8 +112,9 @@ def _each_value(features: Sequence[Feature]) -> str:
 def mask_pass(
     options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, images: bool = False, vectors: bool = False
 ) -> ComputePass:
-    """``images``: read geometry channels, of 32-bit floats, as images; ``vectors``: motion reprojection samples history
-    where the texture ``vectors`` points, that of stored motion."""
+    """The declaration of the mask pass.  ``images``: read geometry channels, of 32-bit floats, as images; ``vectors``:
+    motion reprojection samples history where the texture ``vectors`` points, that of stored motion.
+    """
     group, each = tuning.mask_group
     features = [f"const int FEATURE_{name.upper()} = {i};" for i, name in enumerate(FEATURES)]
     geometry = options.geometry()
