@@ -233,14 +233,14 @@ def declared(owner: Any) -> dict[str, Setting]:
         for name, field in fields.items()
         if isinstance(field, dataclasses.Field) and "setting" in field.metadata
     }
-    group, own = getattr(owner, "group", ""), not dataclasses.is_dataclass(owner)
+    group, is_function = getattr(owner, "group", ""), not dataclasses.is_dataclass(owner)
     return {
         name: dataclasses.replace(
             field,
             name=name,
             kind=hints[name],
             group=field.group or group,
-            short=own if field.short is None else field.short,
+            short=is_function if field.short is None else field.short,
         )
         for name, field in settings.items()
     }

@@ -265,8 +265,9 @@ def _json(path: Path) -> Poses:
 
 
 def _poses(
-    format: Format, rows: Rows, times: list[Decimal] | None = None, turned: Turned | None = None, **more: Any
-) -> Poses:
+    format: Format, rows: Rows, times: list[Decimal] | None = None, turned: Turned | None = None, *,
+    fps: float | None = None, yfov: Array | None = None, level: bool = False,
+) -> Poses:  # fmt: skip
     """Poses of the columns that ``format`` names, or with angles ``turned``.  Raises SceneError."""
     if turned is None:
         rotation = _table(rows, format.width, format.rotation)
@@ -278,7 +279,7 @@ def _poses(
         for axis, angles in zip(axes, radians.T, strict=True):
             rotation = math3d.quat_multiply(math3d.quat_from_axis_angle(np.eye(3)["XYZ".index(axis)], angles), rotation)
     position = _table(rows, format.width, format.position) if format.position else np.zeros((len(rows), 3))
-    return Poses(format, [place for place, _ in rows], position, rotation, times, **more)
+    return Poses(format, [place for place, _ in rows], position, rotation, times, fps, yfov, level)
 
 
 def _table(rows: Rows, width: int, columns: Sequence[int]) -> Array:

@@ -33,11 +33,9 @@ class View:
     world_from_view: Array  # (3, 3) float64 rotation
     camera: Camera
     jitter_px: Array = field(default_factory=lambda: np.zeros(2))
-    """Offset of the samples, (2,) float64, pixels, +x right, +y up: pixel i is sampled at i + ``jitter_px``, not at its
-    center i."""
+    """Offset of samples, (2,) float64, pixels, +x right, +y up: pixel i is sampled at i + ``jitter_px``, not at i."""
     principal_px: tuple[float, float] = (0.0, 0.0)
-    """Offset of the camera's axis from the image center, pixels, +x right, +y up: an image that is shifted as a
-    whole."""
+    """Offset of the camera's axis from the image center, pixels, +x right, +y up: the image is shifted as a whole."""
     shift: float = 0.0
     """Off-axis projection: the center of the image shows the direction with this tangent to the right of the axis."""
 

@@ -45,8 +45,7 @@ of a recorded camera."""
 HINT = "see docs/benchmark.md"
 
 _FIXED = ("light", "reference_time", "mapping")
-"""Settings that no suite can set: they follow from the input, or would make a result depend on the machine or on
-files."""
+"""Settings that no suite has: they follow from its input, or results would depend on the machine or on files."""
 
 _SETTINGS = tuple(name for name in (*REUSE_SETTINGS, *declared(CameraPathSettings)) if name not in _FIXED)
 _OPTIONS = tuple(name for name in declared(ReuseOptions) if name not in _FIXED)

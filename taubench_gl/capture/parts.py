@@ -111,7 +111,7 @@ class SceneFile:
         targets = [{"POSITION": y_up(p) * self.unit - first[0], "NORMAL": y_up(n) - first[1]} for p, n in frames]
         return self.writer.primitive(shape, material, targets)
 
-    def emissive(self, name: str, color: Array, luminance: float, texture: int | None = None, **rest: Any) -> int:
+    def emissive(self, name: str, color: Array, luminance: float, texture: int | None = None, **properties: Any) -> int:
         """A material that sends ``luminance``, cd/m^2, of a color, and reflects nothing unless it has a texture."""
         color = np.asarray(color, dtype=float)
         color = color / max(color.max(), 1e-9) if texture is None else np.ones(3)
@@ -120,7 +120,7 @@ class SceneFile:
         info = {} if texture is None else {"emissiveTexture": {"index": texture}}
         base = (0.0, 0.0, 0.0) if texture is None else (1.0, 1.0, 1.0)
         return self.writer.material(
-            name, base, texture=texture, emissiveFactor=color.tolist(), extensions=extensions, **info, **rest
+            name, base, texture=texture, emissiveFactor=color.tolist(), extensions=extensions, **info, **properties
         )
 
     # ---------------------------------------------------------------------------------------------------------- motion

@@ -22,8 +22,7 @@ SAME = 1.25
 """Errors, or seconds, within this factor of the best are equal: the configuration with fewer options is taken."""
 
 MARGIN = 1.1
-"""Factor on measured seconds with which a configuration must still be within a limit, as it may be when measured
-again."""
+"""Factor on the seconds of a configuration with which it must be within a limit, as when it is measured again."""
 
 LEAST_SECONDS = 1.0
 """Seconds below which times count as equal, because the start of the program takes longer."""

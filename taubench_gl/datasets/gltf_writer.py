@@ -79,14 +79,14 @@ class Writer:
         roughness: float = 0.8,
         texture: int | None = None,
         normal: int | None = None,
-        **rest: Any,
+        **properties: Any,
     ) -> int:
         surface = gl.PbrMetallicRoughness(
             baseColorFactor=[*color, 1.0][:4], metallicFactor=metallic, roughnessFactor=roughness
         )
         if texture is not None:
             surface.baseColorTexture = gl.TextureInfo(index=texture)
-        material = gl.Material(name=name, pbrMetallicRoughness=surface, alphaCutoff=None, **rest)
+        material = gl.Material(name=name, pbrMetallicRoughness=surface, alphaCutoff=None, **properties)
         if normal is not None:
             material.normalTexture = gl.NormalMaterialTexture(index=normal)
         return self.add(self.gltf.materials, material)

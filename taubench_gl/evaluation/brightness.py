@@ -23,8 +23,7 @@ WHITE = 1.0 - 1e-4
 """Display color, or radiance times exposure, from which a channel clips: 1 less rounding."""
 
 MOST_CLIPPED, MOST_BLACK, MOST_NOISY, MOST_BEHIND = 0.2, 0.9, 0.01, 0.01
-"""Shares of clipped, black and noisy pixels, and of pixels behind culled backs, above which a run has a note; the first
-is of lit pixels, the others are of all."""
+"""Shares above which a run has a note: clipped of lit pixels; black, noisy and behind culled backs of all."""
 
 
 @dataclass(slots=True)

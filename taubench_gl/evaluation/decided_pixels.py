@@ -29,8 +29,7 @@ from taubench_gl.srgb import LUMINANCE
 Array = np.ndarray
 
 CONFIDENCE = 0.9973
-"""Probability with which a distance must be clear of its threshold, by Student's t over the parts: three standard
-deviations."""
+"""Probability with which a distance must be clear of its threshold, by Student's t over the parts: 3 sigma."""
 
 FLOOR_QUANTILE = 0.999
 """The error of a distance is at least what one more sample would add that is as far off as this quantile of the pair's

@@ -153,8 +153,8 @@ def _export(
     plan = plan_scene(scene, _lit(settings, options), camera)
     settings = plan.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     frames, loaded = plan.frames, plan.animated.scene
-    more = {"jitter": options.jitter, "training": options.training, "two_sizes": options.format == "nss"}
-    with opened_gpu(settings) as owner, FrameSource(owner.gpu, plan.animated, settings, names, **more) as source:
+    keywords = {"jitter": options.jitter, "training": options.training, "two_sizes": options.format == "nss"}
+    with opened_gpu(settings) as owner, FrameSource(owner.gpu, plan.animated, settings, names, **keywords) as source:
         exported = (*source.names, *(() if source.training is None else source.training.names))
         if not exported:
             why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())

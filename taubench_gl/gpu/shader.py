@@ -77,8 +77,8 @@ def _expand(
     if len(chain) > MAX_INCLUDES:
         raise GraphicsError(f"shader {chain[0]} includes files more than {MAX_INCLUDES} deep")
     seen.add(entry)
-    for own, places, include in _parts(entry, read_source(entry, roots, chain[-1] if chain else "")):
-        lines += own
+    for text, places, include in _parts(entry, read_source(entry, roots, chain[-1] if chain else "")):
+        lines += text
         origin += places
         if include:
             _expand(include, roots, lines, origin, seen, (*chain, entry))

@@ -16,8 +16,7 @@ Array = np.ndarray
 MAX_POINTS = 20_000
 MIN_POINTS = 32
 MAX_MEDIAN_PX = 0.25
-"""Largest accepted median residual, pixels.  Lens distortion, shift, orthographic cameras and other spaces exceed
-it."""
+"""Largest accepted median residual, pixels.  Distortion, shift, orthographic cameras and other spaces exceed it."""
 
 _ROUNDS, _STEPS = 3, 8
 

@@ -120,7 +120,7 @@ def lit_scene() -> Scene:
     moves = [(camera, "translation", "LINEAR", [(0.0, 1.2, 3.0), (0.6, 1.2, 3.0)])]
     moves += [(lamps[0], "translation", "LINEAR", [places[0], (1.5, 1.5, 0.5)])]
     moves += [(lamps[3], "scale", "STEP", [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0)])]
-    channels = [Channel("node", n, path, how, times / 4, np.array(rows)) for n, path, how, rows in moves]
+    channels = [Channel("node", n, path, mode, times / 4, np.array(rows)) for n, path, mode, rows in moves]
     colors = [(1.0, 0.6, 0.4), (0.4, 0.6, 1.0), (1.0, 1.0, 1.0), (0.3, 1.0, 0.3)]
     return Scene(
         "lamps", nodes.nodes(), (plane,), (Material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=0.7),),

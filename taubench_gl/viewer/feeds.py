@@ -358,11 +358,11 @@ def scene_of(run: Run, request: OpenRequest) -> tuple[str, Settings]:
         raise OutputError("the run's scene was not read from a file", where=str(run.out), hint="open a scene instead")
     # Runs recorded before the selection open with that of the file.
     stored = (run.summary["scene"].get("selection") or {}) | (run.summary.get("settings") or {})
-    given = {*request.given, *(("width", "height") if "size" in request.given else ())}
-    values = {n: stored[n] for n in FIELDS if n in stored and n not in given and n not in _OF_EVALUATION}
+    by_user = {*request.given, *(("width", "height") if "size" in request.given else ())}
+    values = {n: stored[n] for n in FIELDS if n in stored and n not in by_user and n not in _OF_EVALUATION}
     if "thresholds" in values:
         values["thresholds"] = {f: v for f, v in values["thresholds"].items() if f in FEATURES and v is not None}
-    if "frames" not in given and stored.get("first_frame") is not None:
+    if "frames" not in by_user and stored.get("first_frame") is not None:
         values["frames"] = (stored["first_frame"], stored["last_frame"] + 1)
     path_traced, path = run.summary.get("path_traced") is not None, scene_path(run.out, str(path))
     return (f"exr:{path}" if path_traced else path), request.settings.replace(**values)

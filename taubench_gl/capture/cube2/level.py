@@ -277,13 +277,13 @@ def _scan_old(data: bytes, at: int, kind: int, number: int, polygons: list[int])
     if mask & 0x80:
         material = data[at]
         at += 1
-    more = lit = 0
+    second_layers = lit = 0
     for face in range(6):
         if mask >> face & 1:
-            more += data[at + 15] >> 1 & 1  # a second layer follows
+            second_layers += data[at + 15] >> 1 & 1  # a second layer follows
             lit |= (data[at + 14] > 5 or data[at + 15] > 0) << face  # with a lightmap
             at += 28 if mask & 0x40 else 16
-    at += 16 * more
+    at += 16 * second_layers
     whole = 0
     if kind & 0x80:
         merged = data[at]

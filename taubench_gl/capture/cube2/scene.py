@@ -113,10 +113,10 @@ def _add_players(file: SceneFile, timeline: Timeline, now: Array, camera: int | 
         speed = moved / np.diff(now, prepend=now[0] - 1)
         swing = _SWING * np.minimum(speed / _FULL_SPEED, 1) * np.sin(2 * np.pi * np.cumsum(moved) / _STRIDE)
         pitches = {"turn": 0 * swing, "step": swing, "counter step": -swing}
-        turns = {how: axes(np.stack([pitch, yaw, 0 * yaw], 1)) for how, pitch in pitches.items()} | {"look": eye.axes}
-        for part, (how, joint, *_) in _BODY.items():
+        turns = {move: axes(np.stack([pitch, yaw, 0 * yaw], 1)) for move, pitch in pitches.items()} | {"look": eye.axes}
+        for part, (move, joint, *_) in _BODY.items():
             places = eye.places + np.einsum("j,njk->nk", np.array(joint, float), turns["turn"])
-            motion = Motion(places, turns[how], eye.alive, jumps=eye.jumps)
+            motion = Motion(places, turns[move], eye.alive, jumps=eye.jumps)
             file.place(f"player {player} {part}", "", meshes[part], motion)
         file.counts["players"] += 1
 

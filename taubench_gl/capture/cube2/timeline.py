@@ -97,8 +97,8 @@ class Timeline:
     def _between(self, ms: Array, player: int, *names: str) -> Array:
         """Whether a message about a player comes between its packets and those that follow."""
         found = (e for e in self.demo.events if e.name in names)
-        own = [e.ms for e in found if player == (e.sender if e.name == "SPAWN" else e.values[0])]
-        return np.diff(np.searchsorted(own, ms, "right")) > 0
+        of_player = [e.ms for e in found if player == (e.sender if e.name == "SPAWN" else e.values[0])]
+        return np.diff(np.searchsorted(of_player, ms, "right")) > 0
 
     def _spline(self, seconds: Array, rows: Array) -> CubicSpline:
         x, y, z = rows[:, 3:6].T

@@ -32,8 +32,7 @@ MAX_LINES = 100_000
 _EXEC, _NUMBER = re.compile(r'\s*exec\s+"?([^"\s]+)'), re.compile(r"-?(?:\d{1,6}\.?\d{0,6}|\.\d{1,6})")
 _TEXTURE = re.compile(r'\s*texture\s+"?(\w+)"?\s+"?(?:<[^>]*>)*([^"\s]+)"?(.*)')
 _FLIPS = np.array([[0, 0, 0], [0, 1, 1], [1, 1, 0], [1, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], bool)
-"""Whether a texture is mirrored across, mirrored down and its axes exchanged, by the number of its rotation, (8, 3)
-bool."""
+"""Rotation of a texture -> whether it is mirrored across, mirrored down, and its axes exchanged, (8, 3) bool."""
 
 
 @dataclass(frozen=True)
@@ -124,9 +123,9 @@ def _configured(files: Files, map_name: str) -> list[Texture]:
     while lines:
         line = lines.pop().partition("//")[0]
         if found := _EXEC.match(line):
-            more = (files.read(found[1]) or b"").decode("latin-1").splitlines()[:left]
-            left -= len(more)
-            lines += more[::-1]
+            included = (files.read(found[1]) or b"").decode("latin-1").splitlines()[:left]
+            left -= len(included)
+            lines += included[::-1]
         elif line.strip() == "texturereset":
             out.clear()
         elif found := _TEXTURE.match(line):
