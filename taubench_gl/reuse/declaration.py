@@ -27,6 +27,7 @@ from taubench_gl.reuse.contract import (
     MAX_REPEAT,
     MAX_WRITES,
     MIN_BLOCK,
+    REFERENCE_INPUT,
     REPORTS,
     RESULT,
     RESULT_FORMAT,
@@ -202,6 +203,8 @@ class _Declaration:
         self.reads = self.names("reads", declared.reads, list(INPUTS))
         if not declared.reads and not own_light:
             self.fault("reads", f"must be a list of names (available: {', '.join(INPUTS)})")
+        if declared.generates and REFERENCE_INPUT in self.reads:
+            self.fault("reads", "a method that generates frames gets no 'reference', by which it is scored")
         self.settings: dict[str, Parameter] = {}
 
     def method(self, origin: str, shaders: Collection[str] | None = None, **kind_fields: Any) -> Method:

@@ -32,6 +32,7 @@ def error_of(tmp_path, toml: str, glsl: str = PLAIN_GLSL) -> str:
     [
         ("", ["reads: ", "pass: "]),
         ('reads = ["radience"]\n' + PASS, ["reads: ", "'radience'", "'radiance'"]),
+        ('reads = ["radiance", "reference"]\ngenerates = "interpolate"\n' + PASS, ["reads: ", "'reference'"]),
         ("reads = 3\n" + PASS, ["reads "]),
         ('base = "svfg"\n' + READS + PASS, ["base: ", "'svfg'", "'svgf'"]),
         ("name = 3\n" + READS + PASS, ["name "]),
