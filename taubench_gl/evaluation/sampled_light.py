@@ -331,7 +331,7 @@ class SampledLight:
             row |= dict.fromkeys(SAMPLED_COLUMNS)
         if not self.rounds:
             return
-        self.estimate.amend(summary, self._intervals)
+        self.estimate.write_estimates(summary, self._intervals)
         visits = [visit for of_pair in self.estimate.visits.values() for visit in of_pair]
         summary["sampled_light"] = {
             "rounds": self.rounds, "pairs": len(self.estimate.visits), "pixels": sum(len(v.stratum) for v in visits),

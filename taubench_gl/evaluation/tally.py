@@ -71,7 +71,7 @@ class Tally:
         """Add the pair of ``frame`` with the frame before, and complete its ``row`` of frames.csv.
 
         ``views``: of the camera in both frames; ``lobes``: mask histogram (MASK_WORDS,) by lobe; ``row``: has the
-        columns of column adders.
+        columns of column groups.
         """
         if self.sampled is not None:
             self.sampled.add(frame - 1 - self.frames[0], counts)

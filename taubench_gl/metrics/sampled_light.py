@@ -382,7 +382,7 @@ class LightEstimate:
         """Number of light samples of all pixels in both frames."""
         return 2 * sum(visit.samples for visits in self.visits.values() for visit in visits)
 
-    def amend(self, summary: dict[str, Any], intervals: Mapping[tuple[str, ...], Interval]) -> None:
+    def write_estimates(self, summary: dict[str, Any], intervals: Mapping[tuple[str, ...], Interval]) -> None:
         """Replace the preview's shares in ``summary`` by estimates, with intervals and the preview beside them."""
         every = [visit for visits in self.visits.values() for visit in visits]
         pixels = sum(len(visit.stratum) for visit in every)
