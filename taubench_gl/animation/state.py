@@ -71,7 +71,7 @@ class View:
         return (*self.world_from_view[:, 2], 1.0) if self.camera.parallel else (0.0,) * 4
 
     def centered(self) -> View:
-        """The same view without jitter."""
+        """This view without jitter."""
         return replace(self, jitter_px=np.zeros(2)) if np.any(self.jitter_px) else self
 
     def clip_from_relative(self, width: int, height: int, origin: Array | None = None) -> Array:

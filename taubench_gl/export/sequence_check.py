@@ -30,7 +30,7 @@ Errors = dict[str, dict[str, Array]]
 """Check -> mistake, "" for the file as stored -> errors (h, w) without it, >= 0, NaN: unknown."""
 
 CLEARER = 0.9
-"""Of two sums of errors, one is clearly smaller if it is below this part of the other."""
+"""Part of a sum of errors below which another sum is clearly smaller."""
 
 OTHER_PIXEL_PX = 0.5
 """Points whose mean distance from the centers of their pixels is larger are those of others, jitter included."""

@@ -165,7 +165,7 @@ def tolerance(expected: Array) -> Array:
 
 
 def overall(answers: Collection[str]) -> str:
-    """Of the ANSWERS on all parts, that on the whole: wrong if any is, else not judged if any is, else right."""
+    """The answer on the whole from those on all parts: wrong if any is, else not judged if any is, else right."""
     return next((answer for answer in (WRONG, NOT_JUDGED) if answer in answers), RIGHT)
 
 

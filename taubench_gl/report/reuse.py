@@ -297,7 +297,7 @@ def _gains(method: Mapping[str, Summary], base: Mapping[str, Summary]) -> list[t
     """
     measure = next((m for m in ("flip", "relmse") if any(m in entry for entry in base.values())), None)
     values = {
-        name: [entry["percent"] * (of.get(name) or {}).get(measure, 0.0) for of in (base, method)]
+        name: [entry["percent"] * (block.get(name) or {}).get(measure, 0.0) for block in (base, method)]
         for name, entry in base.items()
         if name != "not_classified" and entry["pixels"]
     }

@@ -29,7 +29,7 @@ from taubench_gl.settings import Settings
 
 SIZE, FRAMES, CUT_AT, NOISE = (96, 54), 12, 8, 0.3
 EVERY = 4
-"""Of methods that generate frames: one of this many is rendered, so that they run at phases 0, 1/4, 1/2 and 3/4."""
+"""Frames from one rendered frame to the next for methods that generate frames, which run at phases 0, 1/4 .. 3/4."""
 
 _TEMPLATE = PACKAGE / "reuse" / "template"
 

@@ -143,7 +143,7 @@ class SceneFeed(GpuOwner):
         return self._shots[frame]
 
     def other_eye(self, shot: Shot) -> Shot:
-        """With history ``eye``: the frame from the other eye, or from the camera of the file that stands for it."""
+        """The frame of ``shot`` from the other eye, or the camera of the file that stands for it (history ``eye``)."""
         eye = self.source.eye
         if isinstance(eye, EyeCamera):
             return Shot(shot.frame, eye.beside(shot.view))
@@ -278,7 +278,7 @@ def live_of(settings: Settings) -> Live:
 
 
 def live_settings(settings: Settings, live: Live) -> Settings:
-    """The settings of a source after the changes that the user makes while looking."""
+    """``settings`` of a source with the choices ``live`` that the user makes while looking."""
     sequence, lighting = settings.sequence, settings.lighting
     changed: dict[str, Any] = {
         "reprojection": live.reprojection,
