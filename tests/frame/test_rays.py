@@ -83,7 +83,7 @@ class Seen:
         same = drawn & hit & (ids[:, 0] == self.triangles.record[self.hits.triangle])
         depth = np.where(hit, self.hits.depth, 1)
         # A pixel's width on a steep surface: the sub-pixel grid moves the depth by a share of this.
-        same &= np.abs(position[:, 3] - depth) <= 0.02 * depth
+        same &= np.abs(position[:, 3] - depth) <= 0.005 * depth
         cut = np.array([False] + [m.alpha_mode != "OPAQUE" for m in self.scene.materials])
         behind = hit & cut[self.triangles.material[self.hits.triangle]]  # rays know no alpha
         same, surface = same & ~behind, (drawn | hit) & ~behind
