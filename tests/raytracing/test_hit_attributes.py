@@ -11,14 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from frame_tools import find_scene
+from frame_tools import find_scene, picture
 from hit_tools import Seen, look, opened
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.raytracing.hit_tables import HitOptions
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned, sphere, turn
-from taubench_gl.scene.model import Image, Primitive, Sampler, Scene, Texture
+from taubench_gl.scene.model import Primitive, Sampler, Scene, Texture
 
 Array = np.ndarray
 SIZE = (96, 54)
@@ -81,11 +81,6 @@ def test_files_give_the_channels_of_the_rasterizer(gpu, data, name: str, time: f
 
 
 # ------------------------------------------------------------------------------------------------- scenes made in code
-def picture(pixels: Array) -> Image:
-    pixels = np.asarray(pixels, dtype=np.uint8)
-    return Image("made", (pixels.shape[1], pixels.shape[0]), lambda: pixels)
-
-
 def smooth_pixels(width: int, height: int, seed: int = 0, alpha: bool = False) -> Array:
     """Texels that differ little from their neighbors, so that where a texture is sampled shows, and how it is filtered
     does not."""
