@@ -11,6 +11,7 @@ import pytest
 from taubench_gl.animation import View
 from taubench_gl.animation.jitter import HALTON_PERIOD, grid_offsets, halton_jitter, radical_inverse
 from taubench_gl.animation.pairs import reprojection
+from taubench_gl.metrics.reprojection import reproject
 from taubench_gl.scene.model import Camera
 
 SIZE = (64, 36)
@@ -63,3 +64,16 @@ def test_sky_rays_pass_through_the_samples(lens):
     x, y = 11, 23
     ray = pair.sky_origin + x * pair.sky_dx + y * pair.sky_dy
     np.testing.assert_allclose(pixels(view, ray[None, :3] * [1, 1, 1]), [[x, y]], atol=1e-9)
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=["perspective", "orthographic"])
+def test_motion_without_jitter_is_zero_for_a_still_image(lens):
+    now = View(np.zeros(3), np.eye(3), lens, np.array([0.375, -0.25]))
+    then = replace(now, jitter_px=np.array([-0.125, 0.4375]))
+    position = np.zeros((SIZE[1], SIZE[0], 4))
+    position[:, :20] = 0.5, -0.25, -3.0, 3.0
+    still = reproject(reprojection(now, then, *SIZE, jitter=False), position)
+    assert not still.motion_px.any()
+    seen = reproject(reprojection(now, then, *SIZE), position)
+    expected = np.broadcast_to((now.jitter_px - then.jitter_px) * [1, -1], seen.motion_px.shape)
+    np.testing.assert_allclose(seen.motion_px, expected, atol=1e-9)

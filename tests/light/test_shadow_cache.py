@@ -5,6 +5,10 @@ from __future__ import annotations
 import pytest
 from light_tools import facing, floor, lambert, opened, shoot
 
+from taubench_gl.frame.materials import MaterialKey
+from taubench_gl.frame.passes.gbuffer import geometry_variant
+from taubench_gl.frame.passes.shadows import merged
+from taubench_gl.frame.scene_buffers import Group
 from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_y
 from taubench_gl.scene.model import Scene
 
@@ -66,3 +70,28 @@ def test_a_light_that_is_off_draws_no_map(gpu):
             shot = shoot(source, frame)
             counts.append((source.light.shadow.redrawn, bool(shot.direct.max() > 0)))
     assert counts == [(6, True), (0, True), (0, False), (0, False)]
+
+
+OPAQUE, MASKED = (
+    geometry_variant(MaterialKey((), False, True), False),
+    geometry_variant(MaterialKey((), True, True), False),
+)
+
+
+@pytest.mark.parametrize(
+    ("variants", "expected"),
+    [
+        ([OPAQUE, OPAQUE, OPAQUE], [(0, 0, 6)]),
+        ([OPAQUE, MASKED, MASKED], [(0, 0, 2), (1, 2, 2), (2, 4, 2)]),  # the mask is the material's
+        ([OPAQUE, MASKED, OPAQUE], [(0, 0, 2), (1, 2, 2), (2, 4, 2)]),
+    ],
+)
+def test_groups_that_read_no_material_are_one_draw(variants, expected):
+    groups = [Group(False, i, False, False, 2 * i, 2) for i in range(3)]
+    drawn = merged([(g, g.first, g.count) for g in groups], lambda group: (variants[group.material], ()))
+    assert [(group.material, first, count) for group, _, first, count in drawn] == expected
+
+
+def test_fixed_and_posed_groups_stay_apart():
+    groups = [Group(posed, 0, False, False, 2 * i, 2) for i, posed in enumerate((False, True))]
+    assert len(merged([(g, g.first, g.count) for g in groups], lambda group: (OPAQUE, ()))) == 2
