@@ -33,7 +33,7 @@ def frames(gpu, scene, camera, *, per_triangle: int | None = None, times=(0.0,),
             with query:
                 renderer.draw(time, time - 1 / 24)
             out |= {(time, n): renderer.read(n) for n in renderer.channels}
-        facts = query.samples, renderer.buffers.shown_triangles, len(renderer._gbuffer._own.shaders) > 0
+        facts = query.samples, renderer.buffers.shown_triangles, len(renderer._gbuffer._prepass_context.shaders) > 0
         return out, facts
     finally:
         renderer.release()
