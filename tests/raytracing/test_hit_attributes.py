@@ -215,13 +215,14 @@ def test_many_instances_and_materials(gpu) -> None:
 
 
 def test_far_vertices_keep_their_digits(gpu) -> None:
-    """Vertices 10^6 m from the origin of their node, which lies as far on the other side."""
+    """Vertices 10^6 m from the origin of their node, which lies as far on the other side; some are in no triangle."""
     b = seen_from()
     rng = np.random.default_rng(8)
     far = np.array([1e6, -2e6, 5e5])
     # Corners that float32 holds there: multiples of 1/4 m.
     corners = (far + np.round(rng.uniform(-8, 8, (30, 3)) * 4) / 4).astype(np.float32)
-    p = Primitive(corners, np.arange(30, dtype=np.uint32).reshape(-1, 3))
+    unused = np.repeat(corners[:1], 60, axis=0)  # so that the pool has fewer indices than vertices
+    p = Primitive(np.concatenate([corners, unused]), np.arange(30, dtype=np.uint32).reshape(-1, 3))
     b.node(mesh=b.mesh(p), translation=-far)
     with opened(gpu, b.build(), choose_camera(b.build()), (16, 9)) as hits:
         hits.at(0.0)
