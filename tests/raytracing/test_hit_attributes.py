@@ -222,7 +222,8 @@ def test_far_vertices_keep_their_digits(gpu) -> None:
     # Corners that float32 holds there: multiples of 1/4 m.
     corners = (far + np.round(rng.uniform(-8, 8, (30, 3)) * 4) / 4).astype(np.float32)
     unused = np.repeat(corners[:1], 60, axis=0)  # so that the pool has fewer indices than vertices
-    p = Primitive(np.concatenate([corners, unused]), np.arange(30, dtype=np.uint32).reshape(-1, 3))
+    upwards = np.tile(np.float32([0, 1, 0]), (90, 1))
+    p = Primitive(np.concatenate([corners, unused]), np.arange(30, dtype=np.uint32).reshape(-1, 3), normals=upwards)
     b.node(mesh=b.mesh(p), translation=-far)
     with opened(gpu, b.build(), choose_camera(b.build()), (16, 9)) as hits:
         hits.at(0.0)
