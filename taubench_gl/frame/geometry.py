@@ -154,7 +154,9 @@ class _Builder:
         return base
 
     def pool(self, constants: bool = False) -> Pool:
-        """``constants``: tangents and colors that are all the default are stored too."""
+        """The pool of the vertices added so far.  ``constants``: tangents and colors that are all the default are
+        stored too.
+        """
 
         def join(parts: list[Array], width: int, dtype=np.float32) -> Array:
             return np.concatenate([np.zeros((0, width), dtype), *parts]).astype(dtype, copy=False)

@@ -74,7 +74,7 @@ def _compiled(function: Callable) -> Callable:
 
 
 _inlined = njit(inline="always")
-"""Of what the builder calls for every node: calls between compiled functions took a quarter of the time."""
+"""Decorates what the builder calls for every node: calls between compiled functions took a quarter of the time."""
 
 
 def build(low: Array, high: Array, leaf: int = LEAF_TRIANGLES) -> Tree:

@@ -53,7 +53,7 @@ const int TRACE_LEAF_COUNT_SHIFT = {LEAF_COUNT_SHIFT};"""
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """grid = (space - center) * scale, along each axis."""
+    """The map from the space of a tree to its grid: grid = (space - center) * scale, along each axis."""
 
     center: Array  # (3,) float64
     scale: Array  # (3,) float64
