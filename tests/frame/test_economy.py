@@ -16,6 +16,7 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.frame.draw_bounds import in_view
+from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.frame.passes.masks import MaskOptions, MaskPass
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
@@ -130,6 +131,25 @@ def test_kept_poses_cannot_be_changed_from_outside(gpu: Gpu) -> None:
         state.world[0] = 0.0
     assert renderer.view(0.5)[0] is state
     renderer.release()
+
+
+def test_equal_lists_of_triangles_are_stored_once_and_every_surface_is_drawn(gpu: Gpu) -> None:
+    up = np.tile(np.float32([0, 0, 1]), (4, 1))
+    tiles = [quad([x, -0.5, -4], [0.8, 0, 0], [0, 1, 0], normals=up) for x in (-2, -1, 0, 1)]
+    shared = make_scene(*(replace(tile, triangles=tiles[0].triangles) for tile in tiles))
+    geometry = build_geometry(shared)
+    assert len(geometry.fixed.indices) == tiles[0].triangles.size
+    assert len(build_geometry(make_scene(*tiles)).fixed.indices) == 4 * tiles[0].triangles.size
+    assert len({d.base_vertex for d in geometry.draws}) == 4
+    pictures = []
+    for scene in (shared, make_scene(*tiles)):
+        with Renderer(
+            GpuContext(gpu), scene, FormulaCamera(LENS, lambda t: (np.zeros(3), np.eye(3))), SIZE, CHANNELS
+        ) as r:
+            r.draw(0.0, 0.0)
+            pictures.append(bits(r))
+            assert set(np.unique(r.read("ids"))) >= {1, 2, 3, 4}
+    assert pictures[0] == pictures[1]
 
 
 def test_rows_are_the_same_at_once_and_late_and_survive_an_interrupt(tmp_path: Path) -> None:

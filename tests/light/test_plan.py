@@ -15,7 +15,6 @@ from light_tools import opened, shoot
 from test_effects_on_demand import everything
 
 from taubench_gl.apps.inspect_command import describe
-from taubench_gl.effects.path_tracing import GLASS
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.materials import image_bytes
 from taubench_gl.frame.passes.lighting import LOBES

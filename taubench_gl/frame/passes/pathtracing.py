@@ -458,7 +458,8 @@ class PathTracing(Owner):
         ``part_table``.  A pixel may be listed more than once.  (n, samples, k, 3) float32, radiance of the k
         ``listed_lobes``; light without noise is part of every sample.
         """
-        if self._noiseless(frame) and len(samples) > 1:
+        noiseless = self._noiseless(frame)
+        if noiseless and len(samples) > 1:
             light = self.listed_light(frame, pixels, keys, samples[:1], parts=parts)
             return np.broadcast_to(light, (len(light), len(samples), *light.shape[2:]))
         count, size, lobes = len(pixels), self._tile[0] * self._tile[1], len(self.lobes)
@@ -470,7 +471,7 @@ class PathTracing(Owner):
             table = range(first, min((first // TABLE_ROWS + 1) * TABLE_ROWS, samples.stop))
             end = min(done + size, (table.stop - samples.start) * count)
             number, pixel = divmod(np.arange(done, end), count)
-            row = self._table_row(first, parts) + number - done // count
+            row = (0 if noiseless else self._table_row(first, parts)) + number - done // count
             rows = -(-(end - done) // self._tile[0])
             entries = np.full((min(self._tile[0] * (rows + LIST_MARGIN), size), 4), NO_PIXEL, dtype=np.uint32)
             columns = (packed[0][pixel], packed[1][pixel], row, number == 0)
