@@ -7,7 +7,7 @@ import pytest
 from fixed import fixed_settings
 from references.shading_rate import nearest_shaded, shaded
 from repeated import few
-from reuse_scenes import SIZE, looking_around, passing_box, settings, still
+from reuse_scenes import SIZE, passing_box, settings, sliding, still
 from reuse_tools import arrays, evaluate, open_inputs
 
 from taubench_gl.animation import choose_camera
@@ -102,7 +102,7 @@ def test_invalid_sample_counts_and_seeds(numbers):
 
 # -------------------------------------------------------------------------------------------------------------- inputs
 def test_inputs_equal_their_channels(gpu):
-    scene = looking_around("slide")
+    scene = sliding()
     with inputs_of(gpu, scene) as inputs:
         inputs.advance(4)
         before = arrays_of_source(inputs.source)
@@ -276,7 +276,7 @@ def test_image_too_small_for_the_shading_rate(gpu):
 
 # ----------------------------------------------------------------------------------------------------------- reference
 def test_reference_is_the_mean_of_its_samples(gpu):
-    scene, kind, chosen = looking_around("slide"), InputKind(), settings()
+    scene, kind, chosen = sliding(), InputKind(), settings()
     reference = SupersampledReference(FrameRequest(gpu, scene, choose_camera(scene), chosen, kind), 4)
     images = []
     for offset in grid_offsets(4):
@@ -294,7 +294,7 @@ def test_reference_is_the_mean_of_its_samples(gpu):
 def exr_folder(session_gpu, tmp_path_factory):
     """Four frames of a sliding camera as Blender would write them: Combined, Position, Normal, Depth."""
     folder = tmp_path_factory.mktemp("exr")
-    scene = looking_around("slide")
+    scene = sliding()
     with session_gpu as gpu:
         source = RasterSource(gpu, AnimatedScene(scene), settings(columns=("position", "normal", "color")))
         for number in range(4):
@@ -317,7 +317,7 @@ def exr_folder(session_gpu, tmp_path_factory):
 
 
 def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
-    scene, spec = looking_around("slide"), f"exr:{exr_folder}"
+    scene, spec = sliding(), f"exr:{exr_folder}"
     kind = InputKind(files=spec)
     made = settings(exposure=0.5, frames=(1, None))
     request = FrameRequest(gpu, scene, choose_camera(scene), made, kind)
