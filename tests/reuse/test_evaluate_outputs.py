@@ -100,6 +100,24 @@ def test_detail_window_is_where_methods_differ(written):
     )
 
 
+@pytest.mark.parametrize(
+    ("errors", "worst"), [([0.9, 0.1, 0.3, 0.2], 2), ([0.9, 0.4, 0.3], 1), ([0.1, 0.0, 0.0], 1), ([0.9], 0)]
+)
+def test_worst_frame_excludes_the_first(written, tmp_path, errors, worst):
+    """side_by_side.png shows the worst of the frames that have history."""
+    one, size = written[3][0], SIZE[::-1]
+    frames = [
+        replace(
+            one, frame=i, reference=np.full((*size, 3), 0.1 * i), errors=dict.fromkeys(one.errors, np.full(size, e))
+        )
+        for i, e in enumerate(errors)
+    ]
+    with ReuseFolder(tmp_path / "run", 24.0, "none") as folder:
+        for frame in frames:
+            folder.on_frame(frame)
+        np.testing.assert_array_equal(folder._worst_image, side_by_side(frames[worst], crop=True))
+
+
 def test_a_rerun_without_a_video_removes_that_of_the_earlier_one(written, tmp_path):
     for name in ("side_by_side.mp4", "side_by_side.webm", "side_by_side.mine.mp4"):
         (tmp_path / name).write_text("of an earlier evaluation, or of a user")
