@@ -45,7 +45,7 @@ of a recorded camera."""
 HINT = "see docs/benchmark.md"
 
 _FIXED = ("light", "reference_time", "mapping")
-"""What follows from the input, or would make a result depend on the machine or on files."""
+"""Settings that no suite has: they follow from its input, or results would depend on the machine or on files."""
 
 _SETTINGS = tuple(name for name in (*REUSE_SETTINGS, *declared(CameraPathSettings)) if name not in _FIXED)
 _OPTIONS = tuple(name for name in declared(ReuseOptions) if name not in _FIXED)
@@ -112,7 +112,7 @@ class Case:
 
     @property
     def kind(self) -> InputKind:
-        """What the frames that methods get are."""
+        """Kind of the frames that methods get."""
         return self.request.kind(self.settings.lighting.seed)
 
     @property

@@ -26,8 +26,3 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
             for number, path in enumerate(_scenes(metafunc.config))
         ]
         metafunc.parametrize("sampled_scene", scenes)
-
-
-@pytest.fixture(scope="session")
-def real_scenes(request: pytest.FixtureRequest, data: Path) -> list[Path]:
-    return _scenes(request.config)
