@@ -188,7 +188,7 @@ def test_unshaded_pixels_are_filled(gpu, rate):
 @pytest.mark.parametrize(("kind", "size", "period"), [("jittered", SIZE, 16), ("jittered+upscale@2", (32, 24), 32)])
 def test_positions_of_jittered_samples(gpu, kind, size, period):
     with inputs_of(gpu, still(), kind, reads=("position",)) as inputs:
-        for number in range(3):
+        for number in (0, 1, 18):
             frame = inputs.advance(number)
             np.testing.assert_array_equal(frame.jitter_px, halton_jitter(number, period))
             position = arrays(frame)["position"].astype(np.float64)
