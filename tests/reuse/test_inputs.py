@@ -134,33 +134,23 @@ def test_only_channels_that_are_read_are_rendered(gpu):
         assert inputs.bytes > lean
 
 
-def test_radiance_is_exposed_light_and_sky(gpu):
-    more = {"settings": {"exposure": 2.0, "environment": (0.1, 0.2, 0.3)}}
-    with inputs_of(gpu, still(), reads=("radiance", "position"), **more) as inputs:
-        got = arrays(inputs.advance(0))["radiance"][..., :3]
-        source = inputs.source
-        position, direct = source.read("position"), source.read("direct")[..., :3]
-    sky = position[..., 3] == 0
-    assert sky.any() and not sky.all()
-    np.testing.assert_array_equal(got[sky], np.broadcast_to(np.float32([0.2, 0.4, 0.6]), got[sky].shape))
-    np.testing.assert_array_equal(got[~sky], 2.0 * direct[~sky])
-
-
 @pytest.mark.parametrize("kind", ["full", "checkerboard", "path-traced@1"])
 def test_direct_is_the_direct_part_of_radiance(gpu, kind):
-    """Light of two bounces or more is the rest; sky pixels are radiance; unshaded pixels are filled alike."""
-    more = {"settings": {"exposure": 2.0, "environment": (0.1, 0.2, 0.3), "indirect": "auto"}}
-    with inputs_of(gpu, still(), kind, reads=("radiance", "direct", "position"), **more) as inputs:
+    """Exposed light of one bounce; the rest is that of more; the sky is in both; unshaded pixels are filled alike."""
+    lit = {"exposure": 2.0, "environment": (0.1, 0.2, 0.3), "indirect": "auto"}
+    with inputs_of(gpu, still(), kind, reads=("radiance", "direct", "position"), settings=lit) as inputs:
         inputs.advance(0)
         got = arrays(inputs.advance(1))
         at = nearest_shaded("checkerboard" if kind == "checkerboard" else "full", SIZE, 1)
-        indirect = 2.0 * inputs.source.read("indirect")[at[..., 1], at[..., 0], :3]
+        once, more = (2.0 * inputs.source.read(n)[at[..., 1], at[..., 0], :3] for n in ("direct", "indirect"))
     surface = got["position"][at[..., 1], at[..., 0], 3] > 0
-    assert indirect[surface].max() > 0.01
+    assert more[surface].max() > 0.01 and not surface.all()
     np.testing.assert_array_equal(got["direct"][~surface], got["radiance"][~surface])
+    assert (got["radiance"][~surface, :3] == np.float32([0.2, 0.4, 0.6])).all()
+    np.testing.assert_array_equal(got["direct"][surface, :3], once[surface])
     np.testing.assert_array_equal(got["direct"][..., 3], got["radiance"][..., 3])
     rest = (got["radiance"] - got["direct"])[surface, :3]
-    np.testing.assert_allclose(rest, indirect[surface], atol=2e-6)
+    np.testing.assert_allclose(rest, more[surface], atol=2e-6)
 
 
 @pytest.mark.parametrize("kind", ["noisy", "jittered+noisy"])
