@@ -139,45 +139,6 @@ def test_no_incomplete_video_after_an_error(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_interrupt_keeps_the_rows_of_evaluated_frames(tmp_path):
-    (tmp_path / "run").mkdir()
-    for name in ("reuse.json", "report.html", "tables.txt", "convergence.svg", "side_by_side.webm"):
-        (tmp_path / "run" / name).write_text("of an earlier evaluation")
-    seen = []
-    with pytest.raises(KeyboardInterrupt), ReuseFolder(tmp_path / "run", 24.0) as folder:
-
-        def interrupted(frame):
-            folder.on_frame(frame)
-            seen.append(frame)
-            if frame.frame == 2:
-                raise KeyboardInterrupt
-
-        evaluate(passing_box(), ["none", "accumulate"], (0, 4), on_frame=interrupted)
-    assert [path.name for path in (tmp_path / "run").iterdir()] == ["frames.csv"]
-    with open(tmp_path / "run" / "frames.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [(int(r["frame"]), r["method"]) for r in rows] == [(f, m) for f in range(3) for m in ("none", "accumulate")]
-    assert [float(r["relmse"]) for r in rows] == [row["relmse"] for j in seen for row in j.rows.values()]
-
-
-def test_command_line_reports_files_after_an_interrupt(tmp_path, monkeypatch, capsys):
-    def interrupted(scene, methods, settings, *, progress=None, on_frame=None, **request):
-        def seen(frame):
-            if on_frame is not None:
-                on_frame(frame)
-            if frame.frame == 2:
-                raise KeyboardInterrupt
-
-        evaluate(passing_box(), ["none", "accumulate"], (0, 4), on_frame=seen)
-
-    monkeypatch.setattr("taubench_gl.reuse.evaluate.evaluate_methods", interrupted)
-    out = tmp_path / "run"
-    for more, names in ((["--out", str(out), "--video", "none"], ("3", str(out / "frames.csv"))), ([], ("--out",))):
-        assert run_cli("reuse", "evaluate", "s.glb", "--methods", "none", *more) == 130
-        err = capsys.readouterr().err
-        assert err.count("\n") == 1 and all(name in err for name in names)
-
-
 def test_command_line(tmp_path, capsys):
     code = run_cli(
         "reuse", "evaluate", ASSETS / "demo.glb", "--methods", "none,nosuch", "--size", "48x32", "--frames", "0:3",
@@ -187,3 +148,32 @@ def test_command_line(tmp_path, capsys):
     out, err = capsys.readouterr()
     assert code == 2 and "'nosuch'" in err and "Traceback" not in err
     assert "Quality against the reference" in out and (tmp_path / "out" / "reuse.json").is_file()
+
+
+def test_an_interrupt_keeps_and_names_the_rows_of_evaluated_frames(tmp_path, monkeypatch, capsys):
+    """Files of an earlier evaluation go: they are of other frames."""
+    seen, out = [], tmp_path / "run"
+
+    def interrupted(scene, methods, settings, *, progress=None, on_frame=None, **request):
+        def keep(frame):
+            seen.append(frame)
+            if on_frame is not None:
+                on_frame(frame)
+            if frame.frame == 2:
+                raise KeyboardInterrupt
+
+        evaluate(passing_box(), ["none", "accumulate"], (0, 4), on_frame=keep)
+
+    monkeypatch.setattr("taubench_gl.reuse.evaluate.evaluate_methods", interrupted)
+    out.mkdir()
+    for name in ("reuse.json", "report.html", "tables.txt", "convergence.svg", "side_by_side.webm"):
+        (out / name).write_text("of an earlier evaluation")
+    for more, names in ((["--out", out], ("3", str(out / "frames.csv"))), ([], ("--out",))):
+        assert run_cli("reuse", "evaluate", "s.glb", "--methods", "none", *more) == 130
+        err = capsys.readouterr().err
+        assert err.count("\n") == 1 and all(name in err for name in names)
+    assert [path.name for path in out.iterdir()] == ["frames.csv"]
+    with open(out / "frames.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(int(r["frame"]), r["method"]) for r in rows] == [(f, m) for f in range(3) for m in ("none", "accumulate")]
+    assert [float(r["relmse"]) for r in rows] == [row["relmse"] for frame in seen[:3] for row in frame.rows.values()]
