@@ -144,22 +144,6 @@ def test_a_bypassed_stage_is_noticed(gpu, tmp_path, steps, expected, stage):
         check_frames(gpu, folder, steps, expected)
 
 
-def test_upsampling_of_a_plane_is_exact_at_the_samples_and_close_between():
-    """A linear image: at a sample the sharp kernel gives the sample; between samples it beats the nearest sample."""
-    image = np.repeat((0.3 + 0.01 * pixels(SMALL)[..., :1]), 3, axis=-1)
-    jitter = np.array([0.25, -0.125])
-    at_samples = (pixels(SMALL) + jitter)[3:-3, 3:-3]
-    color, weight, _ = reference.fsr2_upsample(image, at_samples, jitter, np.full(at_samples.shape[:2], 1.99))
-    np.testing.assert_allclose(color, image[3:-3, 3:-3], atol=2e-3)
-    assert (np.abs(weight - 1) < 0.05).all(), "the kernel nearly vanishes at the neighbors"
-    between = GRIDS.input_from_output(pixels(LARGE))[6:-6, 6:-6]
-    color, _, box = reference.fsr2_upsample(image, between, jitter, np.ones(between.shape[:2]))
-    pixel = between[..., 0] - jitter[0]  # the value of sample i is 0.3 + 0.01 i
-    error, nearest = color[..., 0] - 0.3 - 0.01 * pixel, 0.01 * (np.floor(pixel + 0.5) - pixel)
-    assert np.abs(error).mean() < 0.5 * np.abs(nearest).mean()
-    assert (box["least"] <= color).all() and (color <= box["most"]).all()
-
-
 @pytest.mark.parametrize("sharpen", [False, True])
 def test_no_frame_is_brighter_than_every_sample(gpu, steps, sharpen):
     """Colored fireflies everywhere: no radiance above the largest r of all samples so far; sharpened, above 2 r + 1."""
