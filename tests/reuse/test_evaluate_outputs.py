@@ -64,7 +64,7 @@ def test_numbers_are_written_before_images(written, tmp_path, monkeypatch, error
         folder.on_frame(written[3][0])
         folder.finish(written[1])
     stored = json.loads((tmp_path / "run" / "reuse.json").read_text())
-    assert stored.pop(KEY) and stored == written[1].summary
+    assert stored.pop(KEY) and stored == written[1].summary and folder.written_frames == 3
     assert (tmp_path / "run" / "frames.csv").read_bytes() == (written[0] / "frames.csv").read_bytes()
 
 
