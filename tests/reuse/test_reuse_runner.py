@@ -132,6 +132,7 @@ def test_reusable_is_the_geometry_mask(gpu, tmp_path):
     folder = write_method(tmp_path / "m", toml, a="void reuse(ivec2 p) { write_result(p, vec3(reusable(p))); }\n")
     results = play(gpu, folder, steps)
     assert not results[0][..., :3].any()
+    assert (results[0][..., 3] == -1).all(), "the method reports no weight of history"
     against = (
         Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.BEHIND | Reason.OUTSIDE | Reason.POSITION | Reason.NORMAL
     )
