@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -249,8 +250,10 @@ def _spec(case: Case, entry: Entry) -> MethodSpec:
     return replace(spec, label=entry.label)
 
 
+@cache
 def loaded(entry: Entry) -> Method | None:
-    """The method; None where it cannot be loaded, which the evaluation reports, and for frames made elsewhere."""
+    """The method, read once; None where it cannot be loaded, which the evaluation reports, and for frames made
+    elsewhere."""
     try:
         return load_method(MethodSpec.parse(entry.text).method)
     except (MethodError, SettingsError):
