@@ -7,6 +7,7 @@ import json
 import os
 import re
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import pytest
@@ -125,12 +126,17 @@ def test_values_of_another_type_are_named(tmp_path):
 def test_the_entry_of_a_table_that_is_wrong_is_named(tmp_path):
     class Kind(msgspec.Struct, forbid_unknown_fields=True):
         groups: list[dict[str, dict[str, int]]]
+        color: dict[str, Literal["srgb", "linear"] | None] = {}
 
     path = tmp_path / "a.toml"
     for text, key in (
         ("[[groups]]\nu = { x = 1 }\n[[groups]]\na = { x = 1 }\nb = { x = 1, y = 'z' }\n", "groups[1].b.y "),
         ("[[groups]]\na = { x = 1 }\nb = 3\n", "groups[0].b "),
         ("[[groups]]\n[group]\n", "group "),
+        (
+            "groups = []\ncolor = { a = 'linear', b = 'rgb' }\n",
+            "color.b: invalid enum value 'rgb', expected one of srgb, linear",
+        ),
     ):
         with pytest.raises(OutputError) as caught:
             read_toml(write(path, text), Kind)

@@ -118,7 +118,7 @@ def commands(folder: Path) -> dict[str, tuple[list[str], Callable[[Path], Any]]]
     sys.path.insert(0, str(ROOT / "tests" / "pathtraced"))
     from cycles_scenes import LAMP, fake_blender, plane
 
-    scene = plane(folder / "plane.gltf", [LAMP], {"translation": [[0, 0, 0], [1, 0, 0]]})
+    scene = plane(folder / "plane.glb", [LAMP], keys={"translation": [[0, 0, 0], [1, 0, 0]]})
     program = [sys.executable, "-m", "taubench_gl"]
     return {
         "evaluate": ([*program, "evaluate", str(DEMO), "--frames", "0:9", "--save", "masks", "--out", "OUT", *GEOMETRY],
