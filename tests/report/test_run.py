@@ -16,11 +16,6 @@ from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, RunWriter, load_run, read
 from taubench_gl.run_schema import FRAME_COLUMNS
 
 
-@pytest.fixture
-def run(stored_run):
-    return stored_run
-
-
 def test_saved_run_is_loaded_equal(run, tmp_path):
     folder = run.save(tmp_path / "deep" / "folder")
     loaded = load_run(folder)
