@@ -145,21 +145,16 @@ def pairs(
         input_kind(light, settings.lighting.seed)  # refuses what there is not before anything is drawn
         drawn = tuple(dict.fromkeys((*drawn, "emission")))
     if not is_sequence(scene):
-        scene, settings = (
-            _readable(scene, settings),
-            settings.replace(pairs="all") if settings.metrics.all_pairs else settings,
-        )
+        scene = _readable(scene, settings)
+        settings = settings.replace(pairs="all") if settings.metrics.all_pairs else settings
     plan = choose_plan(scene, settings, path_traced)
     return _pairs(partial(Session, plan, Readback(images=True, channels=drawn)), light)
 
 
 def _readable(scene: Scene | str | Path, settings: Settings) -> Scene | str | Path:
     """A scene that can be read: ``scene`` itself, or the cached conversion of a file that only Blender reads."""
-    return (
-        scene
-        if isinstance(scene, Scene) or not is_convertible(scene)
-        else converted(scene, settings.sequence.animation)
-    )
+    readable = isinstance(scene, Scene) or not is_convertible(scene)
+    return scene if readable else converted(scene, settings.sequence.animation)
 
 
 def _pairs(open_session: Callable[[], Session], light: TrainingOptions) -> Iterator[Pair]:

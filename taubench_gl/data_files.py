@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import reduce
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import Any, BinaryIO, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -263,12 +263,12 @@ def parse_toml(text: str) -> dict[str, Any]:
 def checked(value: Any, kind: Any) -> Any:
     """The value itself, if it matches the type ``kind`` as msgspec reads types.  Raises msgspec.ValidationError."""
     if kind is not Any:
-        msgspec.convert(value, kind)
+        convert(value, kind)
     return value
 
 
 def convert(value: Any, kind: type[T]) -> T:
-    """``msgspec.convert``, whose errors name the keys of tables, which msgspec writes as ``[...]``.
+    """``msgspec.convert``, whose errors name the keys of tables, which msgspec writes as ``[...]``, and allowed values.
 
     Raises msgspec.ValidationError.
     """
@@ -290,7 +290,22 @@ def convert(value: Any, kind: type[T]) -> T:
         named += f".{key}{part}"
     else:
         place = named
+    if message.startswith("Invalid enum value") and (values := _choices(kind, _steps(place))):
+        message += f", expected one of {', '.join(values)}"
     raise msgspec.ValidationError(message + at + place) from None
+
+
+def _choices(kind: Any, steps: Sequence[str | int]) -> list[str]:
+    """Values of the literals of the type ``kind``, followed through structs, tables and lists along ``steps``."""
+    arguments = [a for a in get_args(kind) if a is not type(None)]
+    if get_origin(kind) is Literal:
+        return [str(value) for value in arguments]
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct) and steps:
+        field = next((f.name for f in msgspec.structs.fields(kind) if f.encode_name == steps[0]), None)
+        return _choices(get_type_hints(kind)[field], steps[1:]) if field else []
+    if get_origin(kind) in (list, dict, tuple) and steps:
+        return _choices(arguments[-1] if get_origin(kind) is dict else arguments[0], steps[1:])
+    return [value for alternative in arguments for value in _choices(alternative, steps)]
 
 
 def _steps(place: str) -> list[str | int]:

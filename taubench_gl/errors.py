@@ -13,18 +13,20 @@ MOST_CHARACTERS = 2000
 """Limit on each part of a printed error; values and names in files may have megabytes."""
 
 
-def choice_hint(name: object, names: Iterable[str], more: str = "", shown: Iterable[str] | None = None) -> str:
-    """``did you mean X?`` for the nearest of ``names``, else ``choose from A, B`` and ``more``.
+def choice_hint(name: object, names: Iterable[str], ending: str = "", shown: Iterable[str] | None = None) -> str:
+    """``did you mean X?`` for the nearest of ``names``, else ``choose from A, B`` and ``ending``.
 
     ``shown``: ``names`` as they are listed.
     """
     names = tuple(names)
     near = difflib.get_close_matches(str(name), names, 1)
-    return f"did you mean {near[0]}?" if near else f"choose from {', '.join(shown or names)}{more}"
+    return f"did you mean {near[0]}?" if near else f"choose from {', '.join(shown or names)}{ending}"
 
 
 class TaubenchError(Exception):
-    """Base class.  ``what`` is wrong, ``where`` and ``hint`` may be None; ``str(error)`` is one printable line."""
+    """Base class of errors that a user can cause.  ``what`` is wrong, ``where`` and ``hint`` may be None;
+    ``str(error)`` is one printable line.
+    """
 
     def __init__(self, what: str, *, where: str | None = None, hint: str | None = None):
         self.what, self.where, self.hint = what, where, hint
@@ -68,8 +70,8 @@ class OutputError(TaubenchError):
 
 
 def _shortened(text: str) -> str:
-    more = len(text) - MOST_CHARACTERS
-    return text if more <= 0 else f"{text[:MOST_CHARACTERS]} ... and {more:,} more characters"
+    excess = len(text) - MOST_CHARACTERS
+    return text if excess <= 0 else f"{text[:MOST_CHARACTERS]} ... and {excess:,} more characters"
 
 
 def _one_line(text: str) -> str:

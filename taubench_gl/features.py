@@ -13,7 +13,7 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, FRUSTUM, Reason
 
 
 class Distance(enum.Enum):
-    """How far a value is from its history."""
+    """How the distance between a value and its history is measured."""
 
     SURFACE = "Euclidean; infinite between surface and sky"
     RADIANCE = "Euclidean, times the exposure"

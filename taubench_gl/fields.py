@@ -209,9 +209,9 @@ class Setting:
             raise SettingsError(message, hint=hint, setting=self.name) from None
 
 
-def setting(default: Any, meaning: str, check: Check | None = None, **more: Any) -> Any:
-    """A field of a dataclass, or the default of a keyword parameter of a command.  ``more``: fields of Setting."""
-    metadata = {"setting": Setting(default=default, meaning=meaning, check=check, **more)}
+def setting(default: Any, meaning: str, check: Check | None = None, **fields: Any) -> Any:
+    """A field of a dataclass, or the default of a keyword parameter of a command.  ``fields``: of ``Setting``."""
+    metadata = {"setting": Setting(default=default, meaning=meaning, check=check, **fields)}
     if isinstance(default, dict):
         return dataclasses.field(default_factory=default.copy, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -233,14 +233,14 @@ def declared(owner: Any) -> dict[str, Setting]:
         for name, field in fields.items()
         if isinstance(field, dataclasses.Field) and "setting" in field.metadata
     }
-    group, own = getattr(owner, "group", ""), not dataclasses.is_dataclass(owner)
+    group, is_function = getattr(owner, "group", ""), not dataclasses.is_dataclass(owner)
     return {
         name: dataclasses.replace(
             field,
             name=name,
             kind=hints[name],
             group=field.group or group,
-            short=own if field.short is None else field.short,
+            short=is_function if field.short is None else field.short,
         )
         for name, field in settings.items()
     }

@@ -69,10 +69,10 @@ class FolderLock:
                 fcntl.flock(file, fcntl.LOCK_EX if self._wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 file.close()
-                who, waited = lock_holder(self.path.parent), waited + 1
-                if who is None and waited < ATTEMPTS:
+                holder, waited = lock_holder(self.path.parent), waited + 1
+                if holder is None and waited < ATTEMPTS:
                     continue  # the other process only asked for the holder
-                message = f"{who or 'another process'} is writing here"
+                message = f"{holder or 'another process'} is writing here"
                 hint = "wait for it, or give --out another folder"
                 raise OutputError(message, where=str(self.path.parent), hint=hint) from None
             except OSError:

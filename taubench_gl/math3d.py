@@ -99,7 +99,7 @@ def quat_from_mat3(m: Array) -> Array:
 
 
 def affine(mat3: Array, translation: Array) -> Array:
-    """(..., 3, 3) and (..., 3) -> (..., 4, 4)."""
+    """Affine matrices of linear parts ``mat3`` (..., 3, 3) and translations (..., 3).  -> (..., 4, 4)."""
     out = np.zeros((*np.broadcast_shapes(mat3.shape[:-2], translation.shape[:-1]), 4, 4))
     out[..., :3, :3] = mat3
     out[..., :3, 3] = translation
@@ -163,7 +163,7 @@ def quat_multiply(a: Array, b: Array) -> Array:
 
 
 def quat_from_axis_angle(axis: Array, radians: Array) -> Array:
-    """(..., 3) axis of any length > 0, (...) angle in radians -> (..., 4) xyzw."""
+    """Quaternions xyzw of turns about ``axis`` (..., 3), of any length > 0, by ``radians`` (...).  -> (..., 4)."""
     half = 0.5 * np.asarray(radians, dtype=np.float64)[..., None]
     return np.concatenate([normalize(axis) * np.sin(half), np.cos(half) * np.ones_like(half)], axis=-1)
 

@@ -23,7 +23,7 @@ from taubench_gl.settings import (
 )
 
 MAX_SEEDS = 64
-"""Noisy images of one exported frame."""
+"""Most noisy images of one exported frame."""
 
 DEFAULT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker", "warp_error")
 """PSNR, relMSE and the linear MSE are always computed."""

@@ -181,19 +181,21 @@ def _sync(folder: int) -> None:
 
 
 def image_bytes(image: np.ndarray, form: str = "png", **options: Any) -> bytes:
-    """(h, w) or (h, w, 3 or 4) uint8 as an image file.  ``form``: its suffix; ``options``: as Pillow has them."""
+    """The bytes of an image file of ``image``, (h, w) or (h, w, 3 or 4) uint8.  ``form``: its suffix; ``options``: as
+    Pillow has them.
+    """
     import imageio.v3 as iio
 
     return iio.imwrite("<bytes>", np.ascontiguousarray(image), extension=f".{form}", plugin="pillow", **options)
 
 
 def write_png(path: Path, image: np.ndarray) -> None:
-    """(h, w, 3) uint8 as PNG, completely or not at all.  Raises OutputError."""
+    """Write ``image``, (h, w, 3) uint8, as PNG, completely or not at all.  Raises OutputError."""
     write_atomically(path, image_bytes(image))
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Named arrays as a compressed NumPy archive (.npz), completely or not at all.  Raises OutputError."""
+    """Write named arrays as a compressed NumPy archive (.npz), completely or not at all.  Raises OutputError."""
     with replacing(path, suffix=path.suffix) as partial:
         np.savez_compressed(partial, **arrays)
 

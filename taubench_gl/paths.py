@@ -21,7 +21,9 @@ CACHE_VARIABLE = "TAUBENCH_CACHE"
 
 
 def cache_folder() -> Path:
-    """Downloaded scenes, stored references and converted files: TAUBENCH_CACHE, else the user's cache folder."""
+    """The folder of downloaded scenes, stored references and converted files: TAUBENCH_CACHE, else in the user's cache
+    folder.
+    """
     chosen = os.environ.get(CACHE_VARIABLE)
     if chosen:
         return Path(chosen)

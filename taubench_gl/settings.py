@@ -506,8 +506,8 @@ class Settings:
     def __init__(self, **values: Any) -> None:
         for name, kind in GROUPS.items():
             # ``device`` names a group and a field of it.
-            given = isinstance(values.get(name), kind)
-            object.__setattr__(self, name, values.pop(name) if given else kind())
+            is_group = isinstance(values.get(name), kind)
+            object.__setattr__(self, name, values.pop(name) if is_group else kind())
         for name, group in self._changed(values).items():
             object.__setattr__(self, name, group)
 
@@ -525,8 +525,8 @@ class Settings:
             else:
                 group = _group_of(name)
                 changed.setdefault(group, {})[name] = FIELDS[name].value_of(value)
-        for group, some in changed.items():
-            groups[group] = dataclasses.replace(groups.get(group, getattr(self, group)), **some)
+        for group, of_group in changed.items():
+            groups[group] = dataclasses.replace(groups.get(group, getattr(self, group)), **of_group)
         return groups
 
     def require_exact(self) -> None:

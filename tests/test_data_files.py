@@ -7,6 +7,7 @@ import json
 import os
 import re
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import pytest
@@ -23,7 +24,7 @@ from taubench_gl.data_files import (
     read_toml,
     stored_arrays,
 )
-from taubench_gl.errors import OutputError, SceneError, SettingsError, printable
+from taubench_gl.errors import OutputError, SceneError, printable
 from taubench_gl.outputs import _process_space, csv_text
 from taubench_gl.scene import load_scene
 
@@ -45,8 +46,6 @@ BAD_JSON = {
 BAD_TOML = {
     "deep-list": "a = " + "[" * DEEP + "]" * DEEP,
     "deep-table": "a = " + "{a=" * DEEP + "1" + "}" * DEEP,
-    "deep-key": ".".join("a" * 2000) + " = 1",
-    "deep-header": "[" + ".".join("a" * 2000) + "]",
     "long-integer": "a = " + "9" * 5000,
     "large-integer": "a = 1" + "0" * 4000,
     "infinite": "a = 1e400",
@@ -60,34 +59,23 @@ def write(path, content):
     return path
 
 
-def one_line(error, path) -> None:
-    assert str(path) in error.where and len(str(error)) < 600 and "\n" not in str(error)
-
-
-@pytest.mark.parametrize("name", BAD_JSON)
-def test_bad_json_is_one_line(tmp_path, name):
-    path = write(tmp_path / "a.json", BAD_JSON[name])
-    with pytest.raises(SceneError) as caught:
-        read_json(path, fault=SceneError)
-    one_line(caught.value, path)
-
-
-@pytest.mark.parametrize("name", BAD_TOML)
-def test_bad_toml_is_one_line(tmp_path, name):
-    path = write(tmp_path / "a.toml", BAD_TOML[name])
-    with pytest.raises(SettingsError) as caught:
-        read_toml(path, fault=SettingsError)
-    one_line(caught.value, path)
+BAD_CSV = {"cell": 'a,b\n1,"' + "x" * 200_000 + '"\n', "bytes": b"a\n\0\xff\n"}
 
 
 @pytest.mark.parametrize(
-    "content", ['a,b\n1,"' + "x" * 200_000 + '"\n', "a\n\0\xff\n".encode("latin-1")], ids=["cell", "bytes"]
+    ("read", "content"),
+    [
+        pytest.param(read, content, id=f"{read.__name__} {name}")
+        for read, bad in ((read_json, BAD_JSON), (read_toml, BAD_TOML), (read_csv, BAD_CSV))
+        for name, content in bad.items()
+    ],
 )
-def test_bad_csv_is_one_line(tmp_path, content):
-    path = write(tmp_path / "a.csv", content)
-    with pytest.raises(OutputError) as caught:
-        list(read_csv(path))
-    one_line(caught.value, path)
+def test_bad_content_is_one_line(tmp_path, read, content):
+    path = write(tmp_path / "a", content)
+    with pytest.raises(SceneError) as caught:
+        list(read(path, fault=SceneError))
+    error = caught.value
+    assert str(path) in error.where and len(str(error)) < 600 and "\n" not in str(error)
 
 
 def test_only_regular_files_of_limited_size_are_read(tmp_path):
@@ -138,12 +126,17 @@ def test_values_of_another_type_are_named(tmp_path):
 def test_the_entry_of_a_table_that_is_wrong_is_named(tmp_path):
     class Kind(msgspec.Struct, forbid_unknown_fields=True):
         groups: list[dict[str, dict[str, int]]]
+        color: dict[str, Literal["srgb", "linear"] | None] = {}
 
     path = tmp_path / "a.toml"
     for text, key in (
         ("[[groups]]\nu = { x = 1 }\n[[groups]]\na = { x = 1 }\nb = { x = 1, y = 'z' }\n", "groups[1].b.y "),
         ("[[groups]]\na = { x = 1 }\nb = 3\n", "groups[0].b "),
         ("[[groups]]\n[group]\n", "group "),
+        (
+            "groups = []\ncolor = { a = 'linear', b = 'rgb' }\n",
+            "color.b: invalid enum value 'rgb', expected one of srgb, linear",
+        ),
     ):
         with pytest.raises(OutputError) as caught:
             read_toml(write(path, text), Kind)

@@ -9,8 +9,6 @@ import subprocess
 import sys
 import time
 
-import imageio.v3 as iio
-import numpy as np
 import pytest
 
 from taubench_gl.errors import OutputError
@@ -23,7 +21,6 @@ from taubench_gl.outputs import (
     remove_folders,
     text_bytes,
     write_atomically,
-    write_png,
 )
 
 
@@ -47,12 +44,6 @@ def test_a_failed_write_raises_output_error_and_leaves_nothing(tmp_path):
         assert caught.value.where == str(path) and "\n" not in str(caught.value)
     assert (tmp_path / "file").read_text() == "mine"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
-
-
-def test_png_round_trip(tmp_path):
-    image = np.random.default_rng(1).integers(0, 256, (5, 7, 3)).astype(np.uint8)
-    write_png(tmp_path / "a.png", image[:, ::-1])
-    np.testing.assert_array_equal(iio.imread(tmp_path / "a.png"), image[:, ::-1])
 
 
 NOT_UTF8 = os.fsdecode(b"caf\xe9")  # Python holds the byte as a lone surrogate

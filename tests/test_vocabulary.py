@@ -49,8 +49,3 @@ def test_no_banned_word():
 @pytest.mark.parametrize("word", ["told", "Judges", "judging", "rung", "colour", "coloured", "grey", "centre", "dear"])
 def test_banned_words_are_found(word):
     assert PATTERN.search(f"a {word} b")
-
-
-@pytest.mark.parametrize("word", ["color", "overlap", "center", "Dear ImGui", "wrung", "stolder", "twinkle"])
-def test_other_words_pass(word):
-    assert not PATTERN.search(word)

@@ -27,7 +27,7 @@ NLERP_BELOW = 1e-6
 1e-16, and lerp does not divide by sin(angle)."""
 
 LARGEST_KEY = float(np.finfo(np.float32).max)
-"""Seconds; files hold keys as float32."""
+"""Largest time of a key in seconds, because files hold keys as float32."""
 
 HALF_TURN = 1e-12
 """Quaternions with a smaller absolute dot product are 180 degrees apart, and both arcs are equally short.  Such a pair
@@ -165,7 +165,9 @@ def sample_channel(channel: Channel, t: float, fps: float = DEFAULT_FPS) -> Arra
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """(..., 4), (..., 4) -> (..., 1).  The order of the sum is independent of the number of rows."""
+    """Dot product of quaternions, (..., 4) and (..., 4) -> (..., 1).  The order of the sum is independent of the number
+    of rows.
+    """
     p = a * b
     return (p[..., 0] + p[..., 1] + p[..., 2] + p[..., 3])[..., None]
 

@@ -62,7 +62,7 @@ def other_eye(scene: Scene, camera: CameraTrack, settings: Settings) -> CameraTr
 
 
 def both_eyes(scene: Scene, camera: CameraTrack, settings: Settings) -> dict[str, tuple[CameraTrack, Settings]]:
-    """``left`` and ``right``: each eye as the camera, and the settings with which the other one is its history."""
+    """``left`` and ``right`` -> that eye as the camera, and the settings with which the other eye is its history."""
     metrics, other = settings.metrics, other_eye(scene, camera, settings)
     back: dict[str, object] = {"eye": "right" if metrics.eye == "left" else "left"}
     if metrics.other_eye is not None:

@@ -23,7 +23,9 @@ def radical_inverse(index: Any, base: int) -> Any:
 
 
 def halton_jitter(frame: int, period: int = HALTON_PERIOD) -> Array:
-    """Halton (2, 3), elements 1 .. ``period``, repeated.  (2,) float64, pixels, in [-0.5, 0.5)."""
+    """Sample offset of ``frame``: elements 1 .. ``period`` of the Halton sequence (2, 3), repeated. (2,) float64,
+    pixels, in [-0.5, 0.5).
+    """
     index = frame % period + 1  # element 0 is the corner of the pixel in both bases
     return np.array([radical_inverse(index, 2), radical_inverse(index, 3)]) - 0.5
 

@@ -43,7 +43,7 @@ class Poser:
 
     @property
     def duration(self) -> float:
-        """Seconds, of the scene."""
+        """Duration of the scene in seconds."""
         return self.scene.duration
 
     def sample(self, t: float) -> FrameState:
@@ -174,7 +174,9 @@ def pose_once(
 def pose_normals(
     scene: Scene, state: FrameState, node: int, primitive: Primitive, instance: int | None = None
 ) -> Array | None:
-    """World unit normals, as ``pose_vertices``.  -> (V, 3) float64; None where the primitive has none (flat)."""
+    """Unit normals of a primitive, posed as ``pose_vertices`` poses it.  -> (V, 3) float64, world; None where it has
+    none (flat).
+    """
     if primitive.normals is None:
         return None
     normals = _morphed(primitive.normals, [t.normals for t in primitive.targets], state.weights.get(node))
@@ -206,7 +208,7 @@ def _blended(scene: Scene, state: FrameState, node: int, primitive: Primitive) -
 
 
 def _morphed(base: Array, targets: list[Array | None], weights: Array | None) -> Array:
-    """base + sum of weight * displacement.  -> (V, 3) float64."""
+    """Morphed vertices: ``base`` + sum of weight * displacement.  -> (V, 3) float64."""
     out = base.astype(np.float64)
     if weights is not None:
         for target, weight in zip(targets, weights):

@@ -34,17 +34,17 @@ from taubench_gl.fields import declared
 
 Array = np.ndarray
 Rows = list[tuple[str, list[Any]]]
-"""Place in the file, for messages, and cells of each sample."""
+"""Samples as a file has them: for each, its place in the file, for messages, and its cells."""
 
 Turned = tuple[list[int], Array, str]
 """Columns of three angles in degrees, their signs, and their axes in the order in which they turn."""
 
 HEADING = "ZXY"
-"""Roll, then pitch, then heading, as Table 3 has them."""
+"""Axes in the order in which angles turn: roll, then pitch, then heading, as Table 3 has them."""
 
 FORMATS = "TUM, KITTI, EuRoC, COLMAP, transforms.json, nerfstudio, Open3D, .chan, WebXR, CSV with named columns"
 MOST = 1e30
-"""Numbers are smaller, so that their squares and determinants are finite."""
+"""Bound on the numbers of a file, so that their squares and determinants are finite."""
 
 COLUMNS = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -200,7 +200,9 @@ def _csv(lines: list[tuple[str, str]], choices: Choices) -> Poses:
 
 
 def _body(text: str) -> Array:
-    """T_BS, (4, 4): 16 numbers, or those of ``data`` in a sensor.yaml.  Raises SceneError."""
+    """Pose of the camera on its body (EuRoC's T_BS), (4, 4): 16 numbers, or those of ``data`` in a sensor.yaml.  Raises
+    SceneError.
+    """
     found = re.search(r"data:\s*\[([^\]]*)\]", text if "," in text else read_text(text, SceneError))
     return _table([(text, (found[1] if found else text).split(","))], 16, range(16)).reshape(4, 4)
 
@@ -263,8 +265,9 @@ def _json(path: Path) -> Poses:
 
 
 def _poses(
-    format: Format, rows: Rows, times: list[Decimal] | None = None, turned: Turned | None = None, **more: Any
-) -> Poses:
+    format: Format, rows: Rows, times: list[Decimal] | None = None, turned: Turned | None = None, *,
+    fps: float | None = None, yfov: Array | None = None, level: bool = False,
+) -> Poses:  # fmt: skip
     """Poses of the columns that ``format`` names, or with angles ``turned``.  Raises SceneError."""
     if turned is None:
         rotation = _table(rows, format.width, format.rotation)
@@ -276,7 +279,7 @@ def _poses(
         for axis, angles in zip(axes, radians.T, strict=True):
             rotation = math3d.quat_multiply(math3d.quat_from_axis_angle(np.eye(3)["XYZ".index(axis)], angles), rotation)
     position = _table(rows, format.width, format.position) if format.position else np.zeros((len(rows), 3))
-    return Poses(format, [place for place, _ in rows], position, rotation, times, **more)
+    return Poses(format, [place for place, _ in rows], position, rotation, times, fps, yfov, level)
 
 
 def _table(rows: Rows, width: int, columns: Sequence[int]) -> Array:

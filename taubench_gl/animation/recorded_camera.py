@@ -105,7 +105,7 @@ class RecordedCamera:
         return View(linear @ position + shift, math3d.orthonormal(linear @ rotation), lens)
 
     def cut_frames(self, frames: range, fps: float) -> list[int]:
-        """Those of ``frames`` in whose pair the camera jumps over missing samples."""
+        """The frames among ``frames`` in whose pair the camera jumps over missing samples."""
         jumps = {math.ceil((t - key_tolerance(t, math.inf)) * fps) for t in self.path.cuts.tolist()}
         return sorted(jumps & set(frames[1:]))
 

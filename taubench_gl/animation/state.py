@@ -33,14 +33,15 @@ class View:
     world_from_view: Array  # (3, 3) float64 rotation
     camera: Camera
     jitter_px: Array = field(default_factory=lambda: np.zeros(2))
-    """(2,) float64, pixels, +x right, +y up: pixel i is sampled at i + ``jitter_px`` instead of at its center i."""
+    """Offset of samples, (2,) float64, pixels, +x right, +y up: pixel i is sampled at i + ``jitter_px``, not at i."""
     principal_px: tuple[float, float] = (0.0, 0.0)
-    """Pixels, +x right, +y up, of the camera's axis from the image center: an image that is shifted as a whole."""
+    """Offset of the camera's axis from the image center, pixels, +x right, +y up: the image is shifted as a whole."""
     shift: float = 0.0
     """Off-axis projection: the center of the image shows the direction with this tangent to the right of the axis."""
 
     def clip_from_view(self, width: int, height: int) -> Array:
-        """(4, 4) float64, reversed Z in [0, 1].  ``yfov`` and ``ymag`` are kept; the aspect is the viewport's.
+        """Projection matrix, (4, 4) float64, reversed Z in [0, 1].  ``yfov`` and ``ymag`` are kept; the aspect is the
+        viewport's.
 
         Jitter shifts the image in the opposite direction: the point at i + ``jitter_px`` is drawn at i.
         """
@@ -59,16 +60,18 @@ class View:
 
     @property
     def offset_px(self) -> Array:
-        """(2,) float64, pixels, +x right, +y up: pixel i shows what the unshifted camera sees at i + ``offset_px``."""
+        """Shift of the image, (2,) float64, pixels, +x right, +y up: pixel i shows what the unshifted camera sees at i
+        + ``offset_px``.
+        """
         return np.asarray(self.jitter_px, dtype=np.float64) - self.principal_px
 
     @property
     def towards_parallel_camera(self) -> tuple[float, float, float, float]:
-        """xyz: unit, from every point to a parallel camera, w 1; zeros for a perspective camera."""
+        """Direction to a parallel camera: xyz unit, world, from every point; w 1.  Zeros for a perspective camera."""
         return (*self.world_from_view[:, 2], 1.0) if self.camera.parallel else (0.0,) * 4
 
     def centered(self) -> View:
-        """The same view without jitter."""
+        """This view without jitter."""
         return replace(self, jitter_px=np.zeros(2)) if np.any(self.jitter_px) else self
 
     def clip_from_relative(self, width: int, height: int, origin: Array | None = None) -> Array:

@@ -56,10 +56,10 @@ NO_CAMERA = "the scene has no camera"
 UNUSED_CAMERAS = "no node refers to the cameras of the file"
 ALL_STILL = "the scene and its camera are still"
 REQUESTED = "requested"
-"""Reasons for a framing orbit."""
+"""Reason for a framing orbit that the user asked for; the constants above are the other reasons."""
 
 _HULL_POINTS = 32
-"""Fewer points are kept as they are."""
+"""Number of points below which a subject keeps them all, without a convex hull."""
 
 
 class CameraTrack(Protocol):
@@ -148,7 +148,9 @@ class OrbitCamera:
         slopes = ORBIT_FILL * math.tan(0.5 * ORBIT_YFOV) * np.array([aspect, 1.0])
 
         def framing(rate: float) -> tuple[Array, float, float]:
-            """The camera in the rotating frame, (3,), and the range of planar depths."""
+            """The camera in the rotating frame, (3,) scene units, and the range of planar depths, for a rotation of
+            ``rate`` radians per second.
+            """
             # The camera at (sx, sy, d) sees (x, y, z) inside the limits if |x - sx| <= slope_x (d - z), and so for y.
             upper, lower, depth = np.full(2, -np.inf), np.full(2, -np.inf), np.array([np.inf, -np.inf])
             for t, cloud in zip(self.times, clouds, strict=True):
@@ -346,7 +348,9 @@ class _Subject:
         self._used: dict[int, Array] = {}  # vertices of posed primitives, by the id of their triangles
 
     def at(self, time: float) -> Array:
-        """World, scene units; vertices that are not finite are left out.  -> (P, 3) float64."""
+        """Vertices of the subject at ``time`` seconds, world, scene units; those that are not finite are left out.  ->
+        (P, 3) float64.
+        """
         scene, state, clouds = self._poser.scene, self._poser.sample(float(time)), [np.zeros((0, 3))]
         posed: dict[tuple, Array] = {}
         for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():

@@ -85,15 +85,15 @@ def run(
     file = reader.build_scene(demo, files, choice, out)
     show_notes(recording.notes)
     made, lost = (", ".join(f"{n:,} {kind}" for kind, n in c.items() if n) for c in (file.counts, file.lost))
-    whose = "" if recording.player is None else f", player {recording.player}"
-    click.echo(f"{demo.map_name}{whose}, {first:g} to {first + seconds:g} s: {made}")
+    player_text = "" if recording.player is None else f", player {recording.player}"
+    click.echo(f"{demo.map_name}{player_text}, {first:g} to {first + seconds:g} s: {made}")
     click.echo(f"not in the file: {lost}, fog and marks")
     click.echo(f"{out}: {out.stat().st_size:,} bytes; {file.writer.gltf.asset.copyright}")
     click.echo(f"Tables 1 to 4: taubench-gl evaluate {out} --fps {fps:g}")
 
 
 def _number(text: str, kind: type, setting: str) -> Any:
-    """None for the best."""
+    """``text`` as a number of type ``kind``, None for ``best``.  Raises SettingsError that names ``setting``."""
     try:
         return None if text == BEST else kind(text)
     except ValueError:

@@ -143,9 +143,9 @@ def write_session(lesson: Demo, scene: Path, size: Size, findings: Sequence[Find
     width, height = size or SIZE
     defaults = {"width": width, "height": height, "indirect": "none", **FIXED_LIGHTING}
     settings = Settings(**(defaults | lesson.opening_settings()))
-    masks = {key_of(mask) for mask in lesson.opening.masks}
+    masks = {key_of(mask) for mask in lesson.text.opening.reasons}
     opened = {"lesson", "compare", "masks", "thresholds", "playback"}
-    values = {"frame": lesson.opening.frame, "channel": "color", "against": "history", "overlays": 1, "panels": 1,
+    values = {"frame": lesson.text.opening.frame, "channel": "color", "against": "history", "overlays": 1, "panels": 1,
               "samples": 0}  # fmt: skip
     values |= {f"show.{name}": int(name in masks) for name in OVERLAYS}
     values |= {f"section.{name}": int(name in opened) for name in SECTIONS}

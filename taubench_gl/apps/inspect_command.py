@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +50,7 @@ def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> int | 
         show_json(contents | {"exposure": metered_exposure(scene, settings)})
         return
     _show(contents)
-    click.get_text_stream("stdout").flush()  # metering a large scene takes a while
+    sys.stdout.flush()  # metering a large scene takes a while
     show_pairs("Exposure", {"of every evaluation": _exposure_text(**metered_exposure(scene, settings))})
 
 

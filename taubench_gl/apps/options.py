@@ -211,8 +211,8 @@ def require_used(settings: Settings) -> None:
     if settings.lighting.light == "raster" and given_options({"spp"}):
         message = f"spp is {settings.lighting.spp} and light is raster, which has no samples"
         raise SettingsError(message, hint="leave --spp out, or give --light path-traced", setting="spp")
-    given = given_options(STEREO[1:]) if settings.metrics.history == "frame" else ()
-    for name in sorted(given):
+    useless = given_options(STEREO[1:]) if settings.metrics.history == "frame" else ()
+    for name in sorted(useless):
         option = FIELDS[name].option
         hint = f"leave {option} out, or give --history eye or both"
         raise SettingsError(f"{option} has no effect: history is frame", hint=hint, setting=name)
@@ -221,10 +221,10 @@ def require_used(settings: Settings) -> None:
 class Documented(click.Command):
     """A command whose help is a docstring; what it says from ``Examples:`` on follows the options, line by line."""
 
-    def __init__(self, *args: Any, help: str | None = None, epilog: str | None = None, **more: Any):
+    def __init__(self, *args: Any, help: str | None = None, epilog: str | None = None, **attrs: Any):
         text, heading, examples = inspect.cleandoc(help or "").partition("Examples:\n")
         paragraphs = [f"\b\n{part}" for part in (heading + examples).split("\n\n") if part]
-        super().__init__(*args, help=text.rstrip(), epilog="\n\n".join([*paragraphs, epilog or ""]), **more)
+        super().__init__(*args, help=text.rstrip(), epilog="\n\n".join([*paragraphs, epilog or ""]), **attrs)
 
 
 class Command(Documented):
@@ -275,8 +275,8 @@ def command(
     """
 
     def decorate(function: Callable[..., Any]) -> Command:
-        own, objects = declared(function), groups | dict(_other_groups(function, groups))
-        fields = [*own.values(), *(field for made in objects.values() for field in made.fields.values())]
+        parameters, objects = declared(function), groups | dict(_other_groups(function, groups))
+        fields = [*parameters.values(), *(field for made in objects.values() for field in made.fields.values())]
 
         @functools.wraps(function)
         def callback(**values: Any) -> Any:
@@ -321,8 +321,8 @@ class Commands(Documented, click.Group):
 
     command_class = Command
 
-    def __init__(self, *args: Any, sections: dict[str, tuple[str, ...]] | None = None, default: str = "", **more: Any):
-        super().__init__(*args, **more)
+    def __init__(self, *args: Any, sections: dict[str, tuple[str, ...]] | None = None, default: str = "", **attrs: Any):
+        super().__init__(*args, **attrs)
         self.sections, self.default = sections or {}, default
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

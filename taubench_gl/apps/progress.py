@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from taubench_gl.run import Progress
 
 PLAIN_STEPS = 10
-"""Progress lines per scene if standard error is not a terminal."""
+"""Number of progress lines per scene if standard error is not a terminal."""
 
 LINE_SECONDS = 30.0
-"""Between two lines about the running jobs of a study if standard error is not a terminal."""
+"""Seconds between two lines about the running jobs of a study if standard error is not a terminal."""
 
 
 class Bars:
@@ -42,7 +42,7 @@ class Bars:
         return self
 
     def stage(self, text: str) -> None:
-        """Show what is being done where no number tells: here nowhere."""
+        """Show what is being done before there is a number to show.  Bars show it nowhere; subclasses do."""
 
     def __exit__(self, *exc: object) -> None:
         STAGES.show = None
@@ -107,7 +107,9 @@ class ProgressBar(Bars):
         self.step(progress.done, progress.total, rate, f"{rate}, {left:.0f} s left")
 
     def step(self, done: int, total: int, text: str, line: str = "") -> None:
-        """``done`` of ``total`` is done.  ``text``: beside the bar; ``line``: in place of it without a terminal."""
+        """Show that ``done`` of ``total`` is done.  ``text`` stands beside the bar; without a terminal, ``line`` stands
+        in place of it.
+        """
         before, self.done, self.total = self.done, done, total
         self.set_bar(self.name, done, total, text)
         steps = max(total, 1)
@@ -120,7 +122,7 @@ class StudyScreen(Bars, StudyProgress):
     also one per LINE_SECONDS."""
 
     def __init__(self, counted: str = "pairs") -> None:
-        """``counted``: what weights count."""
+        """``counted``: name of what the weights of units count, such as ``pairs``."""
         Bars.__init__(self)
         StudyProgress.__init__(self, self.say, counted)
         self._said = time.monotonic()

@@ -31,9 +31,11 @@ def _pairs(texts: Any) -> Any:
     return pairs
 
 
-def parsed_settings(method: Method, given: tuple[tuple[str, str], ...]) -> dict[str, Any]:
-    """Values of the command line in the types of the method's settings.  Raises MethodError."""
-    parsed = {n: method.settings[n].parse(text) if n in method.settings else text for n, text in given}
+def parsed_settings(method: Method, assignments: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    """Setting -> value in its type, from (name, text) pairs of the command line; all others at their default.  Raises
+    MethodError.
+    """
+    parsed = {n: method.settings[n].parse(text) if n in method.settings else text for n, text in assignments}
     return method.values(parsed)
 
 
@@ -180,7 +182,7 @@ def check(
     path: str,
     settings: Settings,
     *,
-    given: tuple[tuple[str, str], ...] = setting(
+    assignments: tuple[tuple[str, str], ...] = setting(
         (), "Value of a setting; may be repeated", flag="--set", metavar="NAME=V", read=_pairs, repeats=True
     ),
 ) -> None:
@@ -195,7 +197,7 @@ def check(
     from taubench_gl.reuse.loading import load_method
 
     method = load_method(path)
-    values = parsed_settings(method, given)
+    values = parsed_settings(method, assignments)
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         report = check_method(gpu, method, values)

@@ -168,7 +168,9 @@ def fit(
 
 
 def _of_input(settings: Settings, reuse: ReuseOptions) -> Settings:
-    """The settings of the frames.  Raises SettingsError for given options of light that path-traced input ignores."""
+    """``settings`` with motion reprojection.  Raises SettingsError for given options of light that path-traced input
+    ignores.
+    """
     from taubench_gl.reuse.input_kind import parse_input
 
     kind = parse_input(reuse.input)

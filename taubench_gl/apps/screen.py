@@ -113,8 +113,8 @@ def load_runs(folders: Iterable[str | Path]) -> list[Run]:
     runs = [load_run(folder) for folder in folders]
     for run in runs:
         if run.missing:
-            more = f" and {len(run.missing) - 1} more files" if len(run.missing) > 1 else ""
-            note(f"note: {run.out}: {printable(run.missing[0])}{more} of the run missing")
+            others = f" and {len(run.missing) - 1} more files" if len(run.missing) > 1 else ""
+            note(f"note: {run.out}: {printable(run.missing[0])}{others} of the run missing")
     return runs
 
 

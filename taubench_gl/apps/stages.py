@@ -62,7 +62,7 @@ class Stages(logging.Handler):
         self._later(rest, record.getMessage(), began, again)
 
     def _later(self, seconds: float, text: str, began: float, again: float | None) -> None:
-        """Say the stage in so many seconds, unless it is over by then."""
+        """Print the stage ``text`` in ``seconds``, unless it is over by then.  ``began``, ``again``: as of ``_say``."""
         timer = threading.Timer(seconds, lambda: self._say(timer, text, began, again))
         timer.daemon = True
         self._timer = timer
@@ -99,7 +99,7 @@ class Stages(logging.Handler):
 
 
 def _patience() -> float:
-    """Seconds before a stage is a line."""
+    """Seconds that a stage lasts before it is printed as a line."""
     try:
         return max(float(os.environ[VARIABLE]), 0.0)
     except (KeyError, ValueError):

@@ -43,12 +43,12 @@ def _sweep_range(text: Any) -> Any:
 
 
 def _statistics(default: tuple[float, ...] | None, meaning: str) -> Any:
-    """An option for mean, variance and maximum."""
+    """An option whose value is mean, variance and maximum of a motion per frame; ``meaning``: its help."""
     return setting(default, meaning, _STATISTICS, metavar="M,V[,MAX]", short=default is None)
 
 
 def _moved(meaning: str) -> Any:
-    """An option for a number of things."""
+    """An option whose value is how many lights or objects move, or ``all``; ``meaning``: its help."""
     return setting(0, meaning, read=_count, metavar="N|all", shown="none")
 
 

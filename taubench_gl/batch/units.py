@@ -2,7 +2,7 @@
 
     JOB/head                   {"stamp", "frames", "facts", "lighting", "positions", "rotations"}
     JOB/pairs-FIRST-LAST-HASH  {"report": what the worker measured, "pairs": [{"position", "words", "bins", "other",
-                               "lobes", "added": columns of column adders}]}
+                               "lobes", "added": columns of column groups}]}
     JOB/light-PAIR-VISIT-HASH  a visit of sampled light
 
 HASH is of everything in the head that counts depend on.  Counts are sparse, [places, counts]: of reason words in
@@ -58,7 +58,9 @@ LIGHTING = ("light_unit", "exposure", "environment", "spp", "pairs")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadUnit(Unit):
-    """All of a job that needs no pair.  ``stamp``: ``file_stamp`` of the scene before it is read."""
+    """The unit that makes the head of a job: all that needs no pair.  ``stamp``: ``file_stamp`` of the scene before it
+    is read.
+    """
 
     of: Job
     stamp: list[int] | None
@@ -248,7 +250,7 @@ def _report(session: Session) -> dict[str, Any]:
 
 # --------------------------------------------------------------------------------------------------------------- counts
 def pair_record(position: int, counts: Counts, lobes: Mapping[str, Array], added: Mapping[str, Any]) -> dict[str, Any]:
-    """A counted pair as its record has it.  ``added``: values of the columns that column adders add."""
+    """A counted pair as its record has it.  ``added``: values of the columns that column groups add."""
     return {
         "position": position,
         "words": _sparse(counts.mask_histogram),

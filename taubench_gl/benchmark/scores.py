@@ -34,7 +34,7 @@ GEOMETRIC = ("relmse", "relmse_trimmed", "clipped_relmse", "linear_mse", "clippe
 """Measures whose mean over cases is geometric: their scale differs from scene to scene."""
 
 SMALLEST = 1e-12
-"""Values below it count as it where a logarithm is taken."""
+"""Smallest value of which a logarithm is taken: smaller ones count as this one."""
 
 MIN_CASES = 5
 """Cases from which on intervals are over cases."""

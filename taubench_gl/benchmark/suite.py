@@ -21,7 +21,7 @@ from msgspec import Meta
 
 from taubench_gl.benchmark.scenes import STRESS, SceneRecipe, known_source
 from taubench_gl.camera_path_settings import CameraPathSettings
-from taubench_gl.data_files import hashed, one_line, read_toml
+from taubench_gl.data_files import convert, hashed, one_line, read_toml
 from taubench_gl.datasets.stress import CAMERA_NAME
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import declared, from_values, unknown_field
@@ -45,7 +45,7 @@ of a recorded camera."""
 HINT = "see docs/benchmark.md"
 
 _FIXED = ("light", "reference_time", "mapping")
-"""What follows from the input, or would make a result depend on the machine or on files."""
+"""Settings that no suite has: they follow from its input, or results would depend on the machine or on files."""
 
 _SETTINGS = tuple(name for name in (*REUSE_SETTINGS, *declared(CameraPathSettings)) if name not in _FIXED)
 _OPTIONS = tuple(name for name in declared(ReuseOptions) if name not in _FIXED)
@@ -112,7 +112,7 @@ class Case:
 
     @property
     def kind(self) -> InputKind:
-        """What the frames that methods get are."""
+        """Kind of the frames that methods get."""
         return self.request.kind(self.settings.lighting.seed)
 
     @property
@@ -176,7 +176,7 @@ def read_suite(text: str | Path) -> Suite:
         raise SettingsError(f"there is no suite {str(text)!r}", hint=hint)
     values = read_toml(path, fault=SettingsError, hint=HINT)
     with one_line(path, SettingsError, hint=HINT):
-        file = msgspec.convert(values, _File)
+        file = convert(values, _File)
     common = {name: value for name, value in values.items() if name not in _File.__struct_fields__}
     try:
         cases = [case for table in file.cases for case in _cases(common | table, path)]
@@ -194,7 +194,7 @@ def _cases(values: Mapping[str, Any], path: Path) -> list[Case]:
     if unknown := next((name for name in values if name not in allowed), None):
         raise unknown_field(unknown, allowed)
     with one_line(path, SettingsError, hint=HINT):
-        table = msgspec.convert(values, _Table)
+        table = convert(values, _Table)
     evaluated = {name: value for name, value in values.items() if name not in _Table.__struct_fields__}
     axes = [axis for axis in SERIES if getattr(table, axis) is not None]
     if len(axes) > 1:

@@ -58,7 +58,9 @@ class Entry:
 
     @classmethod
     def of(cls, text: str) -> Entry:
-        """Raises SettingsError for text that is not a method; a method that cannot be loaded fails later, alone."""
+        """The entry that ``text`` names.  Raises SettingsError for text that is not a method; one that cannot be loaded
+        fails later, alone.
+        """
         spec = MethodSpec.parse(text)
         if LINK in text:
             links = [cls.of(part) for part in text.split(LINK)]
@@ -250,7 +252,9 @@ def _spec(case: Case, entry: Entry) -> MethodSpec:
 
 
 def loaded(entry: Entry) -> Method | None:
-    """The method; None where it cannot be loaded, which the evaluation reports, and for frames made elsewhere."""
+    """The method of ``entry``; None where it cannot be loaded, which the evaluation reports, and for frames made
+    elsewhere.
+    """
     try:
         return load_method(MethodSpec.parse(entry.text).method)
     except (MethodError, SettingsError):

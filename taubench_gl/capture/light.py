@@ -16,12 +16,14 @@ FULL_BRIGHT = 255 * LUX / np.pi
 
 
 def sun_lux(intensity: float) -> float:
-    """Illuminance of ``q3map_sun``."""
+    """Illuminance in lux of the sun that ``q3map_sun`` declares with ``intensity``."""
     return intensity * LUX
 
 
 def entity_candela(light: float, meters: float) -> float:
-    """Intensity of a light entity: its irradiance at d units is 7500 times ``light`` / d^2; ``meters`` per unit."""
+    """Intensity of a light entity, cd: its irradiance at d units is 7500 times ``light`` / d^2.  ``meters``: of a
+    unit.
+    """
     return 7500 * light * LUX * meters**2
 
 
@@ -31,11 +33,14 @@ def surface_luminance(light: float) -> float:
 
 
 def linear_candela(radius: float, irradiance: float, meters: float) -> float:
-    """Intensity of a light of Cube 2, which falls off linearly from ``irradiance`` to 0 at its radius, in units: the
-    same at half the radius, brighter before it and darker after it."""
+    """Intensity, cd, of a light of Cube 2, which falls off linearly from ``irradiance`` to 0 at its radius, in units:
+    the same at half the radius, brighter before it and darker after it.
+    """
     return irradiance / 2 * (radius / 2) ** 2 * LUX * meters**2
 
 
 def dynamic_candela(radius: np.ndarray | float, meters: float) -> np.ndarray | float:
-    """Intensity of a light that the game adds while it runs: 16 units of irradiance at its radius, in units."""
+    """Intensity, cd, of a light that the game adds while it runs: 16 units of irradiance at its ``radius``, in
+    units.
+    """
     return 16 * np.asarray(radius, dtype=float) ** 2 * LUX * meters**2

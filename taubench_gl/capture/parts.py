@@ -26,35 +26,39 @@ Array = np.ndarray
 Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 """Axes of the file from those of the game."""
 MIRROR = [0, 2, 1]
-"""Corners of a triangle that is clockwise in the game; in the file none is."""
+"""Order of the corners by which a triangle that is clockwise in the game is counter-clockwise in the file."""
 _IMAGES = ("TGA", "JPEG", "PNG")
 
 
 def y_up(vectors: Array) -> Array:
-    """(..., 3) from +Z up to +Y up."""
+    """``vectors`` (..., 3) of the game, +Z up, with the axes of the file, +Y up."""
     return np.asarray(vectors, dtype=float) @ Y_UP.T
 
 
 def rotations(axes: Array) -> Array:
-    """(n, 3, 3) rows forward, left, up of models -> (n, 4) quaternions of their nodes, continuous in sign."""
+    """Rotations of the nodes of models, (n, 4) quaternions, continuous in sign.  ``axes``: (n, 3, 3) rows forward,
+    left, up.
+    """
     q = quat_from_mat3(Y_UP @ np.swapaxes(axes, -1, -2) @ Y_UP.T)
     return continuous(q)
 
 
 def view_rotations(axes: Array) -> Array:
-    """(n, 3, 3) rows forward, left, up -> (n, 4) quaternions of nodes that look along their -Z, as cameras do."""
+    """Rotations of nodes that look along their -Z, as cameras do, (n, 4).  ``axes``: (n, 3, 3) rows forward, left,
+    up.
+    """
     forward, left, up = np.moveaxis(y_up(axes), 1, 0)
     return continuous(quat_from_mat3(np.stack([-left, up, -forward], -1)))
 
 
 def continuous(q: Array) -> Array:
-    """Quaternions with the sign that is nearest to the one before."""
+    """Quaternions (n, 4), each with the sign that is nearest to the one before."""
     flips = np.where(np.einsum("ij,ij->i", q[1:], q[:-1]) < 0, -1.0, 1.0)
     return q * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
 
 
 def texture_pixels(source: Path | bytes, where: str, most: int) -> Array:
-    """(h, w, 4) uint8 of a game's image, at most ``most`` pixels a side; ``where``: names it.  Raises SceneError."""
+    """Pixels of a game's image, (h, w, 4) uint8, at most ``most`` a side; ``where``: names it.  Raises SceneError."""
 
     def fault(what: str, hint: str | None) -> SceneError:
         return SceneError(what, where=where, hint=hint)
@@ -71,7 +75,9 @@ def texture_pixels(source: Path | bytes, where: str, most: int) -> Array:
 
 @dataclass(frozen=True)
 class Motion:
-    """Where something is at each key.  ``places``: (n, 3) units; ``axes``: (n, 3, 3); the others (n,), None: not."""
+    """Where something is at each of n keys.  ``places``: (n, 3) units; ``axes``: (n, 3, 3); the others are (n,), None:
+    unused.
+    """
 
     places: Array
     axes: Array | None = None
@@ -97,13 +103,15 @@ class SceneFile:
     def primitive(
         self, places: Array, normals: Array, uvs: Array, triangles: Array, material: int, frames: tuple = ()
     ) -> Any:
-        """Counter-clockwise ``triangles`` of vertices in units; ``frames``: (places, normals) of each morph target."""
+        """A primitive of counter-clockwise ``triangles``, with vertices in units; ``frames``: (places, normals) of each
+        morph target.
+        """
         first = y_up(places) * self.unit, y_up(normals)
         shape = {"POSITION": first[0], "NORMAL": normalize(first[1]), "TEXCOORD_0": uvs, "indices": triangles}
         targets = [{"POSITION": y_up(p) * self.unit - first[0], "NORMAL": y_up(n) - first[1]} for p, n in frames]
         return self.writer.primitive(shape, material, targets)
 
-    def emissive(self, name: str, color: Array, luminance: float, texture: int | None = None, **rest: Any) -> int:
+    def emissive(self, name: str, color: Array, luminance: float, texture: int | None = None, **properties: Any) -> int:
         """A material that sends ``luminance``, cd/m^2, of a color, and reflects nothing unless it has a texture."""
         color = np.asarray(color, dtype=float)
         color = color / max(color.max(), 1e-9) if texture is None else np.ones(3)
@@ -112,12 +120,14 @@ class SceneFile:
         info = {} if texture is None else {"emissiveTexture": {"index": texture}}
         base = (0.0, 0.0, 0.0) if texture is None else (1.0, 1.0, 1.0)
         return self.writer.material(
-            name, base, texture=texture, emissiveFactor=color.tolist(), extensions=extensions, **info, **rest
+            name, base, texture=texture, emissiveFactor=color.tolist(), extensions=extensions, **info, **properties
         )
 
     # ---------------------------------------------------------------------------------------------------------- motion
     def place(self, name: str, kind: str, mesh: int | None, motion: Motion, weights: Array | None = None) -> None:
-        """A mesh that moves, None: nothing.  ``kind``: what is counted, if any; ``weights``: (n, targets) of morphs."""
+        """Add a node with ``mesh`` that moves as ``motion``; None: add nothing.  ``kind``: what is counted, if any;
+        ``weights``: of morphs, (n, targets).
+        """
         if mesh is None:
             return
         node = self._node(name, motion, None if motion.axes is None else rotations(motion.axes), {"mesh": mesh})
@@ -126,7 +136,9 @@ class SceneFile:
         self.counts[kind] += bool(kind)
 
     def camera(self, motion: Motion, near: float, far: float = 1000.0, width: float = 90.0) -> int:
-        """The recording player's camera.  ``near``, ``far``: meters; ``width``: degrees across an image of 16:9."""
+        """Add the recording player's camera; returns its node.  ``near``, ``far``: meters; ``width``: degrees across an
+        image of 16:9.
+        """
         height = 2 * np.arctan(np.tan(np.radians(width / 2)) * 9 / 16)
         lens = self.writer.camera("player", float(height), near, far)
         return self._node("player camera", motion, view_rotations(motion.axes), {"camera": lens})
@@ -134,7 +146,8 @@ class SceneFile:
     def point_light(
         self, name: str, kind: str, places: Array, color: tuple, candela: Array, jumps: Array | None = None, **rest: Any
     ) -> None:
-        """A point light, one more of its ``kind``, whose intensity changes in steps; none where it is never on.
+        """Add a point light, one more of its ``kind``, whose intensity ``candela`` (n,) changes in steps; none where it
+        is never on.
 
         ``rest``: properties of KHR_lights_punctual, such as the range in meters.
         """
@@ -150,7 +163,7 @@ class SceneFile:
             self._tracks.append((pointer, "pointer", *self._steps(np.asarray(candela, "f4")), "STEP"))
 
     def sun(self, toward: Array, color: tuple, lux: float) -> None:
-        """A directional light that shines from the direction ``toward``, (3,)."""
+        """Add a directional light that shines from the direction ``toward``, (3,), with illuminance ``lux``."""
         light = {"type": "directional", "color": [float(c) for c in color], "intensity": float(lux), "name": "sun"}
         turn = view_rotations(rows_along(-toward[None]))[0]
         self.writer.node("sun", rotation=turn.tolist(), extensions=self.writer.light(**light))
@@ -175,7 +188,9 @@ class SceneFile:
         return node
 
     def _animate(self, node: int, path: str, values: Array, jumps: Array | None) -> None:
-        """A linear track, without keys between equal ones; none where nothing moves."""
+        """Add a linear track of ``values`` (n, k) at the times of the keys, without keys between equal ones; none where
+        nothing moves.
+        """
         times, values = self.times, np.asarray(values, "f4")
         if len(times) < 2 or np.abs(values - values[0]).max() < 1e-7:
             return
@@ -188,7 +203,7 @@ class SceneFile:
         self._tracks.append((node, path, times[keep], values[keep], "LINEAR"))
 
     def _steps(self, values: Array) -> tuple[Array, Array]:
-        """Times and values where they change."""
+        """Times and values of the keys at which ``values`` (n,) change."""
         keep = np.concatenate([[True], values[1:] != values[:-1]])
         return self.times[keep], values[keep]
 

@@ -6,7 +6,6 @@ import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -99,9 +98,6 @@ def _explanations(truth: Truth, engine: list[EngineFrame], wrong: list[int]) -> 
     def seen(points: Callable[[int], Array]) -> Callable[[int], float]:
         return lambda k: _share(truth, k, agreement(truth.frame(k), engine[k], points(k)))
 
-    def drawn(**how) -> Callable[[int], float]:
-        return seen(lambda k: _points(truth, k, **how))
-
     placed, world = engine[0].points is not None, engine[0].world
     yield "rows: the first row of an image is its lowest", changed(lambda frame, k: _flipped(frame))
     if placed:
@@ -115,27 +111,29 @@ def _explanations(truth: Truth, engine: list[EngineFrame], wrong: list[int]) -> 
             for origin in (True, False):
                 yield text, changed(partial(_turned, truth, matrix, origin))
     for shift, word in ((-1, "before"), (1, "after")):
-        at = partial(lambda k, by: _of_frame(truth, world, k, k + by), by=shift)
+        at = partial(lambda k, by: _points_of_frame(truth, world, k, k + by), by=shift)
         yield f"pose: every frame shows the pose of the one {word} it", seen(at)
     for other in range(FRAMES):
-        at = partial(_of_frame, truth, world, other=other)
+        at = partial(_points_of_frame, truth, world, other=other)
         yield f"pose: frames show the pose of frame {other}", seen(at)
-    yield "alpha: what an alpha mask cuts out is drawn", drawn(masked=False)
-    yield "visibility: what is hidden is drawn", drawn(hidden=True)
-    yield "skin: the bind pose is drawn", drawn(pose=bind_pose)
-    yield "morph: the base shape is drawn", drawn(pose=base_shape)
+    yield "alpha: what an alpha mask cuts out is drawn", seen(partial(_points, truth, masked=False))
+    yield "visibility: what is hidden is drawn", seen(partial(_points, truth, hidden=True))
+    yield "skin: the bind pose is drawn", seen(partial(_points, truth, pose=bind_pose))
+    yield "morph: the base shape is drawn", seen(partial(_points, truth, pose=base_shape))
     for node in sorted({int(n) for k in wrong for n in np.unique(truth.frame(k).node) if n >= 0}):
         name = truth.scene.nodes.names[node]
-        yield f"mesh: {name!r} is missing", drawn(without=node)
+        yield f"mesh: {name!r} is missing", seen(partial(_points, truth, without=node))
         if placed:
             yield f"pose: {name!r} is elsewhere, all else is not", partial(_elsewhere, truth, engine, node)
     if placed and world:
         yield "camera: the surfaces are the scene's, seen by another camera", partial(_on_surfaces, truth, engine)
 
 
-def _points(truth: Truth, number: int, pose: Pose = pose_vertices, **how: Any) -> Array:
-    """What the camera sees of a scene that is drawn wrongly (``Truth.cast``): points (h, w, 3), NaN for sky."""
-    hits = truth.drawn(number, pose=pose, **how)
+def _points(
+    truth: Truth, number: int, pose: Pose = pose_vertices, masked: bool = True, hidden: bool = False, without: int = -1
+) -> Array:
+    """Points that the camera sees of a scene drawn wrongly, as ``Truth.cast`` has it: (h, w, 3) world, NaN for sky."""
+    hits = truth.drawn(number, pose, masked, hidden, without)
     return truth.at(hits, truth.vertices(number, pose)).reshape(*truth.size[::-1], 3)
 
 
@@ -168,7 +166,7 @@ def _axes() -> list[Array]:
     return [np.array(order) * np.reshape(sign, (3, 1)) for order in orders for sign in signs][1:]
 
 
-def _of_frame(truth: Truth, world: bool, number: int, other: int) -> Array:
+def _points_of_frame(truth: Truth, world: bool, number: int, other: int) -> Array:
     """What frame ``other`` shows, (h, w, 3); points that are no ``world`` positions are moved along with the camera."""
     shown = truth.frame(int(np.clip(other, 0, FRAMES - 1)))
     if world:

@@ -30,7 +30,9 @@ _SCALE = 4
 
 
 def score_summary(scores: Sequence[CaseScore], about: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain data.  ``about``: engine, frames, mapping and size.  Percentages are of the scored pixels of a class."""
+    """Scores as plain data, the content of the JSON file.  ``about``: engine, frames, mapping and size.  Percentages
+    are of the scored pixels of a class.
+    """
     states = Counter(score.status for score in scores)
     causes = Counter(cause for score in scores for cause in score.causes)
     return {
@@ -65,7 +67,7 @@ def _number(value: float) -> float | None:
 
 
 def score_tables(scores: Sequence[CaseScore], summary: Mapping[str, Any]) -> list[Table]:
-    """One row for each case: its verdict, the share of wrong vectors, errors, and why."""
+    """A table with a row for each case: its verdict, the share of wrong vectors, errors, and why."""
     columns = (
         Column("verdict"), Column("wrong", "%", 2, "Vectors off by more than 0.1 px, of the scored pixels"),
         Column("p95", "px", 3), Column("largest", "px", 2, "The largest error"),
@@ -126,7 +128,7 @@ def _page(scores: Sequence[CaseScore], summary: Mapping[str, Any], sizes: Mappin
 
 
 def _shown(score: CaseScore, size: tuple[int, int]) -> list[Markup]:
-    """A wrong case: its causes, its worst pixel in both frames with both vectors, its classes."""
+    """HTML of a wrong case: its causes, its worst pixel in both frames with both vectors, its classes."""
     truth, w = Truth(CASES[score.name], size), score.worst
     vector, right = (f"({v[0]:+.2f}, {v[1]:+.2f}) px" if np.isfinite(v).all() else "none" for v in (w.vector, w.right))
     said = f"Pixel {w.column}, {w.row} of frame {w.frame} ({w.kind}): the vector is {vector}, the right one is {right}."
@@ -147,7 +149,7 @@ def _class_line(each: ClassScore) -> str:
 
 
 def _svg(frame: Frame, worst: WorstPixel, size: tuple[int, int], arrows: bool) -> Markup:
-    """A frame with the pixel circled and, with ``arrows``, both vectors."""
+    """SVG of a frame with the worst pixel circled and, with ``arrows``, both vectors."""
     width, height = (n * _SCALE for n in size)
     x, y = ((n + 0.5) * _SCALE for n in (worst.column, worst.row))
     parts = [tag("image", href=data_uri(_picture(frame)), width=str(width), height=str(height),
@@ -163,7 +165,7 @@ def _svg(frame: Frame, worst: WorstPixel, size: tuple[int, int], arrows: bool) -
 
 
 def _picture(frame: Frame) -> bytes:
-    """A frame lit from the camera, a color for each object, as PNG."""
+    """PNG of a frame lit from the camera, with a color for each object."""
     colors = np.random.default_rng(5).uniform(0.35, 0.95, (int(frame.node.max()) + 2, 3))
     colors[-1] = (0.62, 0.75, 0.9)  # node -1: sky
     facing = np.abs(frame.normal @ frame.view.world_from_view[:, 2])

@@ -64,7 +64,7 @@ class ClassScore:
 
     @property
     def text(self) -> str:
-        """The cause in words."""
+        """The cause of wrong vectors in words."""
         return next((h.text for h in HYPOTHESES if h.key == self.cause), self.cause)
 
 

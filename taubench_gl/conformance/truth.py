@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 
@@ -103,7 +102,7 @@ class Truth:
         return replace(view, jitter_px=self._offsets[min(max(frame, 0), FRAMES - 1)])
 
     def vertices(self, frame: float, pose: Pose = pose_vertices) -> Array:
-        """World positions (V, 3) of all vertices."""
+        """World positions of all vertices of the case at ``frame``, posed by ``pose``, (V, 3) float64, meters."""
         key = (max(frame, 0), pose)
         if key not in self._posed:
             state = self.state(frame)
@@ -134,11 +133,13 @@ class Truth:
         width, height = self.size
         return np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.float64)
 
-    def drawn(self, number: int, **how: Any) -> Hits:
-        """What the camera of frame ``number`` sees of a scene that is drawn wrongly; ``how`` as for ``cast``."""
-        key = (number, *sorted(how.items()))
+    def drawn(
+        self, number: int, pose: Pose = pose_vertices, masked: bool = True, hidden: bool = False, without: int = -1
+    ) -> Hits:
+        """What the camera of frame ``number`` sees of a scene that is drawn as ``cast`` draws it; computed once."""
+        key = number, pose, masked, hidden, without
         if key not in self._drawn:
-            self._drawn[key] = self.cast(number, self.view(number), self.pixels, **how)
+            self._drawn[key] = self.cast(number, self.view(number), self.pixels, pose, masked, hidden, without)
         return self._drawn[key]
 
     def cast(

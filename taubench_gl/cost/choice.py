@@ -22,10 +22,10 @@ SAME = 1.25
 """Errors, or seconds, within this factor of the best are equal: the configuration with fewer options is taken."""
 
 MARGIN = 1.1
-"""A configuration is within a limit of seconds if it still is with so much more, as when it is measured again."""
+"""Factor on the seconds of a configuration with which it must be within a limit, as when it is measured again."""
 
 LEAST_SECONDS = 1.0
-"""Shorter times are equal: the start of the program takes longer."""
+"""Seconds below which times count as equal, because the start of the program takes longer."""
 
 Columns = Mapping[str, Mapping[str, Any]]
 

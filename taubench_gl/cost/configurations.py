@@ -65,7 +65,7 @@ class Configuration:
 
     @property
     def name(self) -> str:
-        """Its options, as on the command line: ``--light preview --probes 96``."""
+        """The options of the configuration, as on the command line: ``--light preview --probes 96``."""
         return " ".join(option for name, value in self.changes.items() for option in _option(name, value)) or "default"
 
     def settings(self, baseline: Settings) -> Settings:

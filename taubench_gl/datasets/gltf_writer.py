@@ -58,14 +58,14 @@ class Writer:
         return index
 
     def texture(self, pixels: np.ndarray, lossy: bool = False) -> int:
-        """An ``image``, sampled with repeat and mipmaps."""
+        """Add a texture of ``pixels``, as ``image`` takes them, sampled with repeat and mipmaps."""
         image = self.image(pixels, lossy)
         if not self.gltf.samplers:
             self.gltf.samplers.append(gl.Sampler(magFilter=gl.LINEAR, minFilter=gl.LINEAR_MIPMAP_LINEAR))
         return self.add(self.gltf.textures, gl.Texture(source=image, sampler=0))
 
     def image(self, pixels: np.ndarray, lossy: bool = False) -> int:
-        """(h, w, 3 or 4) uint8 as an embedded PNG; ``lossy``: as a JPEG, if it has no alpha."""
+        """Add ``pixels``, (h, w, 3 or 4) uint8, as an embedded PNG; ``lossy``: as a JPEG, if there is no alpha."""
         lossy = lossy and pixels.shape[2] == 3
         file = image_bytes(pixels, "jpeg", quality=90) if lossy else image_bytes(pixels, optimize=True)
         mime = "image/jpeg" if lossy else "image/png"
@@ -79,14 +79,14 @@ class Writer:
         roughness: float = 0.8,
         texture: int | None = None,
         normal: int | None = None,
-        **rest: Any,
+        **properties: Any,
     ) -> int:
         surface = gl.PbrMetallicRoughness(
             baseColorFactor=[*color, 1.0][:4], metallicFactor=metallic, roughnessFactor=roughness
         )
         if texture is not None:
             surface.baseColorTexture = gl.TextureInfo(index=texture)
-        material = gl.Material(name=name, pbrMetallicRoughness=surface, alphaCutoff=None, **rest)
+        material = gl.Material(name=name, pbrMetallicRoughness=surface, alphaCutoff=None, **properties)
         if normal is not None:
             material.normalTexture = gl.NormalMaterialTexture(index=normal)
         return self.add(self.gltf.materials, material)
@@ -121,7 +121,7 @@ class Writer:
         return index
 
     def light(self, **properties: Any) -> dict:
-        """A KHR_lights_punctual light; the ``extensions`` of the node that carries it."""
+        """Add a KHR_lights_punctual light; returns the ``extensions`` of the node that carries it."""
         name = self.uses("KHR_lights_punctual")
         lights = self.gltf.extensions.setdefault(name, {"lights": []})["lights"]
         lights.append(properties)

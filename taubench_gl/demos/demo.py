@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import or_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +14,7 @@ import numpy as np
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import Reason
+from taubench_gl.demos.sheet import Sheet
 from taubench_gl.demos.texts import LessonText, NumberText, ParameterText
 from taubench_gl.demos.theory import edge_pixels
 from taubench_gl.features import TABLE
@@ -20,8 +23,7 @@ from taubench_gl.report.mask_images import as_bytes
 from taubench_gl.report.palette import REASON_COLORS
 
 if TYPE_CHECKING:
-    from taubench_gl.demos.sheet import Sheet
-    from taubench_gl.demos.stage import Stage
+    from taubench_gl.demos.stage import LitPair, Stage
     from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
@@ -89,37 +91,24 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class ColorBar:
-    """The scale of images whose colors are values.
-
-    ``label``: the quantity and its unit; ``ticks``: place in [0, 1] and text; ``colors``: a color map of Matplotlib.
-    """
-
-    label: str
-    ticks: tuple[tuple[float, str], ...]
-    colors: str = "viridis"
-
-
-@dataclass(frozen=True, slots=True)
 class Parameter:
     """A parameter that the reader drags: an image and a number at each of its values, with the number's theory.
 
-    The images are given, or follow from ``plane``, (h, w) uint8: at value i the pixels above i are marked on ``base``.
-    ``expected`` is None where there is no theory; ``tolerance`` is in the unit of the number; ``about``: the lesson's
-    text of the parameter, None until the result has its texts.
+    ``start``: index of the value that is shown first.  The images are given, or follow from ``plane``, (h, w) uint8: at
+    value i the pixels above i are marked on ``base``.  ``expected`` is None where there is no theory; ``tolerance`` is
+    in the unit of the number.
     """
 
+    about: ParameterText
     values: tuple[float, ...]
+    start: int
     measured: tuple[float, ...]
     expected: tuple[float | None, ...]
     tolerance: tuple[float, ...]
-    about: ParameterText | None = None
-    start: int = 0  # index of the value that is shown first
     images: tuple[Array, ...] = ()  # (h, w, 3) uint8 each
     plane: Array | None = None
     base: Array | None = None  # (h, w, 3) uint8
     mark: RGB = REASON_COLORS[Reason.POSITION]
-    bar: ColorBar | None = None
 
     def picture(self, i: int) -> Array:
         """The image at the value with index ``i``, (h, w, 3) uint8."""
@@ -136,54 +125,10 @@ class Parameter:
         return tuple(e is None or abs(m - e) <= t for m, e, t in rows)
 
 
-def swept(
-    values: Sequence[float],
-    at: Callable[[float], tuple[Array, float, float | None, float]],
-    *,
-    start: float,
-    bar: ColorBar | None = None,
-) -> Parameter:
-    """A parameter that is measured at each of ``values``.
-
-    ``at(value)``: image (h, w, 3), uint8 or float in [0, 1], measured number, its theoretical value, and the tolerance.
-    ``start``: the value that is shown first, or one near it; ``bar``: of the images.
-    """
-    images, measured, expected, tolerance = zip(*map(at, values))
-    first = int(np.argmin(np.abs(np.asarray(values) - start)))
-    shown = tuple(map(as_bytes, images))
-    return Parameter(tuple(map(float, values)), measured, expected, tolerance, start=first, images=shown, bar=bar)
-
-
 def value_texts(parameter: Parameter) -> list[str]:
     """The values of a parameter with their unit: ``0.125 m``, ``3,000,000 m``."""
     texts = (f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}" for value in parameter.values)
     return [f"{text} {parameter.about.unit}".strip() for text in texts]
-
-
-def threshold_parameter(
-    distance: Array,
-    values: Array,
-    expected: Array,
-    base: Array,
-    mark: RGB,
-    *,
-    start: float,
-) -> Parameter:
-    """A threshold: at each of ``values``, the pixels with a greater ``distance`` (h, w) are marked and counted.
-
-    ``expected``: distances in theory, (h, w); the tolerance is half of the pixels on the edges of the region that a
-    threshold marks.  ``base`` (h, w, 3) uint8: the image under the marks; ``start``: the value that is shown first, in
-    place of the nearest one.
-    """
-    values, first = with_value(values, start)
-    regions = [expected > value for value in values]
-    return Parameter(
-        tuple(map(float, values)),
-        tuple(100.0 * float((distance > value).mean()) for value in values),
-        tuple(100.0 * float(region.mean()) for region in regions),
-        tuple(50.0 * edge_pixels(region) / region.size + 1e-9 for region in regions), start=first,
-        plane=np.searchsorted(values, distance, side="left").astype(np.uint8), base=base, mark=mark,
-    )  # fmt: skip
 
 
 def percent(region: Array) -> float:
@@ -191,22 +136,17 @@ def percent(region: Array) -> float:
     return 100.0 * float(region.mean())
 
 
-def with_value(values: Array, value: float) -> tuple[Array, int]:
-    """Positive ``values`` (n,) with ``value`` in place of the one with the nearest logarithm, and its index."""
-    at = int(np.argmin(np.abs(np.log(np.asarray(values) / value))))
-    return np.where(np.arange(len(values)) == at, value, values), at
+def beyond(expected: Array) -> Callable[[float], tuple[float, float]]:
+    """The theory of a threshold on ``expected`` (h, w): at a value, the percentage of the pixels above it.
 
-
-@dataclass(frozen=True, slots=True)
-class Opening:
-    """The pair of frames that page and viewer open at.
-
-    ``frame``: the current one; ``masks``: the reasons that are colored; ``settings``: fields of Settings.
+    The tolerance is half of the pixels on the edges of their region.
     """
 
-    masks: tuple[Reason, ...]
-    frame: int = 1
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    def at(value: float) -> tuple[float, float]:
+        region = expected > value
+        return percent(region), 50.0 * edge_pixels(region) / region.size + 1e-9
+
+    return at
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,44 +163,66 @@ class Screens:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
-    """What a lesson measures and draws.
+class Lesson:
+    """What a lesson measures from and draws on: its text, its opening pair, and the sheet of its figure."""
 
-    ``numbers``: by the names that its text has, each with its theoretical value; ``sheet``: the figure; ``colors``:
-    legend entry -> 8-bit sRGB.
-    """
+    text: LessonText
+    pair: LitPair
+    sheet: Sheet
+
+    def swept(self, at: Callable[[float], tuple[Array, float, float | None, float]]) -> Parameter:
+        """The parameter, measured at each of its values.
+
+        ``at(value)``: image (h, w, 3), uint8 or float in [0, 1], measured number, its theoretical value, and the
+        tolerance.
+        """
+        values, start = self.text.parameter.all_values()
+        images, *numbers = zip(*map(at, values))
+        shown = tuple(map(as_bytes, images))
+        return Parameter(self.text.parameter, tuple(values.tolist()), start, *numbers, images=shown)
+
+    def threshold(
+        self, distance: Array, base: Array, theory: Callable[[float], tuple[float, float]], mark: Reason
+    ) -> Parameter:
+        """The parameter, a threshold: at each value, the pixels with a greater ``distance`` (h, w) are marked.
+
+        ``base`` (h, w, 3) uint8: the image under the marks; ``theory(value)``: the percentage of these pixels and its
+        tolerance; ``mark``: the reason whose color marks them.
+        """
+        values, start = self.text.parameter.all_values()
+        plane = np.searchsorted(values, distance, side="left").astype(np.uint8)
+        shares = tuple(percent(distance > value) for value in values)
+        return Parameter(
+            self.text.parameter, tuple(values.tolist()), start, shares, *zip(*map(theory, values)), plane=plane,
+            base=base, mark=REASON_COLORS[mark],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a lesson measures.  ``numbers``: by the names that its text has, each with its theoretical value."""
 
     numbers: Mapping[str, tuple[float, Expected]]
-    sheet: Sheet
     parameter: Parameter
-    colors: Mapping[str, RGB] = field(default_factory=dict)
     screens: Screens | None = None
-
-    def with_text(self, text: LessonText) -> Result:
-        """The result, with what the lesson's text says of each number and of the parameter.  Raises ValueError."""
-        if self.numbers.keys() != text.numbers.keys():
-            raise ValueError(f"{text.name} measures {', '.join(self.numbers)}, its text has {', '.join(text.numbers)}")
-        findings = tuple(Finding(*pair, text.numbers[name]) for name, pair in self.numbers.items())
-        return Result(findings, self.sheet, replace(self.parameter, about=text.parameter), self.colors, self.screens)
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
     """What one run of a demo measures and draws; the first finding is its main number.
 
-    ``sheet`` is the figure, ``path`` its PNG once it is saved; ``colors``: legend entry -> 8-bit sRGB.
+    ``sheet`` is the figure, ``path`` its PNG once it is saved.
     """
 
     findings: tuple[Finding, ...]
     sheet: Sheet
     parameter: Parameter
-    colors: Mapping[str, RGB] = field(default_factory=dict)
-    screens: Screens | None = None
+    screens: Screens | None
     path: Path | None = None
 
     def saved(self, path: Path) -> Result:
         """The result with its figure in a file.  Raises OutputError."""
-        return replace(self, path=self.sheet.save(path), colors={**self.sheet.colors, **self.colors})
+        return replace(self, path=self.sheet.save(path))
 
     @property
     def as_expected(self) -> bool:
@@ -272,19 +234,32 @@ class Result:
 class Demo:
     """One numbered demo.
 
-    ``measure`` measures and draws; ``scene`` builds its scene, for the viewer and other commands; ``opening``: the pair
-    of frames of that scene that page and viewer show.
+    ``measure`` measures and draws; ``scene`` builds its scene, for the viewer and other commands.
     """
 
     number: int
     text: LessonText
-    measure: Callable[[Stage], Measured]
+    measure: Callable[[Stage, Lesson], Measured]
     scene: Callable[[], Scene]
-    opening: Opening
 
-    def run(self, stage: Stage) -> Result:
-        """Measure and draw; the result has the texts of the numbers."""
-        return self.measure(stage).with_text(self.text)
+    def open_pair(self, stage: Stage) -> LitPair:
+        """The pair of frames that the page and the viewer open at."""
+        frame = self.text.opening.frame
+        return stage.evaluate(self.scene(), frames=(frame - 1, frame + 1), **self.opening_settings())[1][0]
+
+    def run(self, stage: Stage, pair: LitPair | None = None) -> Result:
+        """Measure and draw.  ``pair``: the opening pair, where it is at hand.
+
+        Raises ValueError if the text has other numbers than the lesson measures.
+        """
+        text = self.text
+        lesson = Lesson(text, pair or self.open_pair(stage), Sheet.of(text.figure, stage.size))
+        measured = self.measure(stage, lesson)
+        if measured.numbers.keys() != text.numbers.keys():
+            names = ", ".join(measured.numbers), ", ".join(text.numbers)
+            raise ValueError(f"{text.name} measures {names[0]}, its text has {names[1]}")
+        findings = tuple(Finding(*found, text.numbers[name]) for name, found in measured.numbers.items())
+        return Result(findings, lesson.sheet, measured.parameter, measured.screens)
 
     @property
     def name(self) -> str:
@@ -301,25 +276,20 @@ class Demo:
 
         The camera is named, because an evaluation of a still scene otherwise has a framing orbit.
         """
-        scene = self.scene()
+        scene, shown = self.scene(), reduce(or_, self.text.opening.reasons)
         camera = list(scene.camera_nodes).index(choose_camera(scene).node)
-        return {"columns": self._columns(), "fps": FPS, "camera": camera, **self.opening.settings}
-
-    def _columns(self) -> tuple[str, ...]:
-        """The columns that measure the masks of the opening, and color."""
-        shown = 0
-        for mask in self.opening.masks:
-            shown |= mask
         measured = (f.name for f in TABLE if f.name != "color" and any(bit & shown for bit in (f.bit, *f.details)))
-        return ("frustum", *measured, "color")
+        columns = ("frustum", *measured, "color")
+        return {"columns": columns, "fps": FPS, "camera": camera, **self.text.opening.settings}
 
     def pair_text(self) -> str:
         """The opening pair in words: ``Frames 0 and 1 at 1 frame per second; masks: position; history: eye.``"""
-        frame, settings = self.opening.frame, self.opening.settings
-        fps = settings.get("fps", FPS)
-        named = {key: value for key, value in settings.items() if key not in ("fps", "columns")}
-        parts = [f"masks: {', '.join(map(label_of, self.opening.masks))}"]
+        opening = self.text.opening
+        named = dict(opening.settings)
+        fps = named.pop("fps", FPS)
+        parts = [f"masks: {', '.join(map(label_of, opening.reasons))}"]
         parts += [f"{key.replace('_', ' ')}: {_value_text(value)}" for key, value in named.items()]
+        frame = opening.frame
         frames = f"Frame {frame}, both eyes," if named.get("history") == "eye" else f"Frames {frame - 1} and {frame}"
         return f"{frames} at {fps:g} frame{'s' if fps != 1 else ''} per second; {'; '.join(parts)}."
 

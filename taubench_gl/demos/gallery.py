@@ -14,16 +14,15 @@ from msgspec.structs import asdict
 
 from taubench_gl import __version__
 from taubench_gl.data_files import read_bytes
-from taubench_gl.demos.demo import Array, ColorBar, Demo, Finding, Parameter, Result, value_texts
+from taubench_gl.demos.demo import Array, Demo, Finding, Parameter, Result, value_texts
 from taubench_gl.demos.lessons import find_demo
-from taubench_gl.demos.sheet import WIDTH, as_bytes
+from taubench_gl.demos.sheet import WIDTH, as_bytes, overlay
 from taubench_gl.demos.stage import SIZE, LitPair, Stage
-from taubench_gl.demos.texts import LecturePart, minutes_text
+from taubench_gl.demos.texts import ColorBar, LecturePart, minutes_text
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import image_bytes, output_folder, write_atomically
-from taubench_gl.report.mask_images import mask_overlay
 from taubench_gl.report.page import Page, data_uri, macro, tag
 from taubench_gl.report.palette import color_of, hex_of
 
@@ -43,12 +42,6 @@ class Shown:
     result: Result
     page: Path
     frame: str
-
-
-def open_pair(stage: Stage, demo: Demo) -> LitPair:
-    """The pair of frames that the page and the viewer open at."""
-    frame = demo.opening.frame
-    return stage.evaluate(demo.scene(), frames=(frame - 1, frame + 1), **demo.opening_settings())[1][0]
 
 
 @contextmanager
@@ -85,7 +78,8 @@ def run_demos(
     folder = output_folder(out)
     shown: list[Shown] = []
     for i, demo in enumerate(demos):
-        result, pair = demo.run(stage).saved(folder / f"{demo.stem}.png"), open_pair(stage, demo)
+        pair = demo.open_pair(stage)
+        result = demo.run(stage, pair).saved(folder / f"{demo.stem}.png")
         around = (demos[i - 1] if i else None, demos[i + 1] if i + 1 < len(demos) else None)
         page = folder / f"{demo.stem}.html"
         write_atomically(page, demo_page(demo, result, pair, around if index else None, lecture))
@@ -102,12 +96,12 @@ def demo_page(
 ) -> str:
     """The HTML page of one demo.
 
-    ``pair``: the frames of ``open_pair``; ``around``: the previous and the next demo, whose pages are in the same
+    ``pair``: the frames of ``Demo.open_pair``; ``around``: the previous and the next demo, whose pages are in the same
     folder; ``lecture``: minutes and notes of its demos, one of which is this one.
     """
     before, after = around or (None, None)
     parameter, findings, screens = result.parameter, result.findings, _screens(demo, result, pair)
-    bar = parameter.bar and _gradient(parameter.bar)
+    bar = parameter.about.bar and _gradient(parameter.about.bar)
     number = _place(demo, lecture)
     page = Page(
         f"{number}. {demo.text.title}", f"demo {demo.number}, {demo.name}", heading="",
@@ -131,7 +125,7 @@ def demo_page(
 
     step("idea", "", "idea", demo, screens)
     screen = result.screens
-    key = [] if screen else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
+    key = [] if screen else [(label_of(m), hex_of(color_of(m))) for m in demo.text.opening.reasons]
     about = ("", demo.text.screen) if screen else (demo.pair_text(), "")
     step("question", "Guess first", "question", demo, screens, key, *about, link="Question")
     uri, ratio = data_uri(read_bytes(result.path)), WIDTH / result.sheet.height
@@ -147,7 +141,7 @@ def _screens(demo: Demo, result: Result, pair: LitPair) -> list[tuple[str, str, 
     """Name, image and width / height of the previous frame, the current frame, and the answer."""
     special = result.screens
     frames = (special and special.frames) or tuple(frame["color"][..., :3] for frame in (pair.before, pair.now))
-    answer = special.answer if special else mask_overlay(pair.mask, pair.now["color"][..., :3], demo.opening.masks)
+    answer = special.answer if special else overlay(pair.mask, pair.now["color"], *demo.text.opening.reasons)
     images = zip(("previous", "current", "answer"), (*frames, answer))
     return [(name, data_uri(_webp(as_bytes(image)), "webp"), image.shape[1] / image.shape[0]) for name, image in images]
 
@@ -175,7 +169,7 @@ def _question(demo: Demo, finding: Finding) -> dict[str, Any]:
 
 def _parameter(parameter: Parameter) -> dict[str, Any]:
     """What the page's script needs to redraw image and number at each value of the parameter."""
-    values = {field.name: getattr(parameter, field.name) for field in fields(parameter)} | asdict(parameter.about)
+    values = asdict(parameter.about) | {field.name: getattr(parameter, field.name) for field in fields(parameter)}
     names = ("name", "unit", "values", "meaning", "number_unit", "measured", "expected", "tolerance", "mark", "digits")
     out = {name: values[name] for name in names} | {"texts": value_texts(parameter)}
     if parameter.plane is not None and parameter.base is not None:

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.conventions import Reason
+from taubench_gl.demos.texts import BY_KEY, ColorBar, FigureText
 from taubench_gl.glossary import label_of
+from taubench_gl.metrics.color import display_color
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.mask_images import as_bytes, mask_overlay
 from taubench_gl.report.palette import REASON_COLORS, RGB, SERIES_COLORS, color_of
@@ -26,8 +28,6 @@ _DPI = 125  # layout units are 1/100 inch: a sheet is 1600 pixels wide
 _PAD, _TITLE, _LEGEND, _BAR = 24, 34, 44, 58
 BLUE, RED, BLACK, VIOLET = SERIES_COLORS
 """Measurement is blue, theory black."""
-CHECKER = (237, 237, 237)
-"""The light squares of ``checkerboard``, for a legend.  8-bit sRGB."""
 
 
 class Sheet:
@@ -35,7 +35,7 @@ class Sheet:
 
     Lengths are in layout units, of which a sheet is WIDTH wide.
 
-    ``bars``: leave room for a color bar below each panel.  ``colors``: those of the legend.
+    ``bars``: leave room for a color bar below each panel.
     """
 
     def __init__(
@@ -51,18 +51,36 @@ class Sheet:
         self.grid_bottom = rows * (self._height + _TITLE + self._bar) + gaps if rows else 0
         self.legend_top = self.grid_bottom + below
         self.height = self.legend_top + (_LEGEND if legend else 0) + 0.5 * _PAD
-        self.colors: dict[str, RGB] = {}
+        self._plots: dict[str, dict[str, Any]] = {}
+        self._keys: list[tuple[Any, dict[str, Any]]] = []
         self._figure = Figure(figsize=(WIDTH / 100, self.height / 100), facecolor=PAPER)
         FigureCanvasAgg(self._figure)
+
+    @classmethod
+    def of(cls, figure: FigureText, size: tuple[int, int]) -> Sheet:
+        """The sheet of a lesson with its legend.  ``size``: width and height of an image, in any unit."""
+        width, height = figure.ratio or size
+        legend, bar = bool(figure.legend), figure.bar
+        sheet = cls(*figure.panels, width / height, below=figure.below, legend=legend, bars=bar is not None)
+        sheet._plots = figure.plots
+        if legend:
+            rows = (reason_entries(BY_KEY[e])[0] if isinstance(e, str) else (e[0], rgb(e[1])) for e in figure.legend)
+            sheet.legend(list(rows))
+        if bar is not None:
+            sheet._color_bar(bar)
+        return sheet
 
     def axes(self, left: float, top: float, width: float, height: float) -> Any:
         """Add axes at a place from the top left of the sheet."""
         place = (left / WIDTH, 1 - (top + height) / self.height, width / WIDTH, height / self.height)
         return self._figure.add_axes(place)
 
-    def plot(self, left: float, top: float, width: float, height: float, **labels: Any) -> Any:
-        """Add the axes of a plot in the common style.  ``labels``: arguments of ``Axes.set``."""
-        axes = self.axes(left, top, width, height)
+    def plot(self, name: str, place: tuple[float, float, float, float] | None = None) -> Any:
+        """Add the axes of a plot of the lesson's figure in the common style.  ``place``: instead of its own."""
+        labels = dict(self._plots[name])
+        left, top, width, height = labels.pop("place", (0.0, 0.0, 0.0, 0.0))
+        axes = self.axes(*(place or (left, self.grid_bottom + top, width, height)))
+        self._keys.append((axes, {"frameon": False, "fontsize": 12} | labels.pop("key")))
         axes.set_facecolor(PAPER)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
@@ -83,29 +101,23 @@ class Sheet:
         dots = {"marker": "o", "linestyle": "", "markeredgecolor": "black", "markersize": 8}
         axes.plot(x, y, color=BLUE, label=label, **dots | style)
 
-    def key(self, axes: Any, place: str, **options: Any) -> None:
-        """Add the legend of a plot.  ``place``: as Matplotlib's ``loc``."""
-        axes.legend(**{"frameon": False, "fontsize": 12, "loc": place} | options)
-
     def place(self, column: int, row: int) -> tuple[float, float, float, float]:
         """The place of a panel on the sheet: left, top, width and height."""
         left = _PAD + column * (self._width + _PAD)
         top = _TITLE + row * (self._height + _TITLE + self._bar + 0.5 * _PAD)
         return left, top, self._width, self._height
 
-    def color_bar(
-        self, column: int, row: int, ticks: Sequence[tuple[float, str]], label: str, colors: str = "viridis"
-    ) -> None:
-        """Add the color bar of ``heat`` below a panel.  ``ticks``: place in [0, 1] and text."""
+    def _color_bar(self, bar: ColorBar) -> None:
+        """Add the color bar of ``heat`` below a panel of the first row."""
         import matplotlib
 
-        left, top, width, height = self.place(column, row)
+        left, top, width, height = self.place(bar.panel, 0)
         axes = self.axes(left, top + height + 10, 0.5 * width, 15)
         ramp = np.linspace(0.0, 1.0, 256)[None]
-        axes.imshow(matplotlib.colormaps[colors](ramp)[..., :3], extent=(0, 1, 0, 1), aspect="auto")
-        axes.set(yticks=[], xticks=[place for place, _ in ticks], xticklabels=[text for _, text in ticks])
+        axes.imshow(matplotlib.colormaps[bar.colors](ramp)[..., :3], extent=(0, 1, 0, 1), aspect="auto")
+        axes.set(yticks=[], xticks=[place for place, _ in bar.ticks], xticklabels=[text for _, text in bar.ticks])
         axes.tick_params(labelsize=11, colors=INK, length=3)
-        self.text(left + 0.5 * width + 16, top + height + 9, label, size=12.5)
+        self.text(left + 0.5 * width + 16, top + height + 9, bar.label, size=12.5)
 
     def panel(self, column: int, row: int, image: Array, title: str = "", text: str = "") -> Any:
         """Add an image (h, w, 3), uint8 or float in [0, 1], below its title, with a note.  -> its axes, in pixels."""
@@ -126,7 +138,6 @@ class Sheet:
         """Add a line of colors with their meaning at the bottom."""
         from matplotlib.patches import Rectangle
 
-        self.colors |= dict(entries)
         axes = self.axes(0, self.legend_top, WIDTH, _LEGEND)
         axes.set(xlim=(0, WIDTH), ylim=(_LEGEND, 0))
         axes.axis("off")
@@ -145,6 +156,8 @@ class Sheet:
 
     def save(self, path: Path) -> Path:
         """Write the sheet as PNG, whole or not at all.  Raises OutputError."""
+        for axes, options in self._keys:
+            axes.legend(**options)
         buffer = io.BytesIO()
         self._figure.savefig(buffer, dpi=_DPI, format="png", facecolor=PAPER)
         write_atomically(path, buffer.getvalue())
@@ -232,6 +245,11 @@ def gray_image(pair: LitPair) -> Array:
     return overlay(np.zeros_like(pair.mask), pair.now["color"])
 
 
+def displayed(radiance: Array) -> Array:
+    """Linear radiance (h, w, 3) as a display color, without exposure.  (h, w, 3) in [0, 1]."""
+    return display_color(np.maximum(radiance.astype(np.float64), 0.0))
+
+
 def heat(values: Array, top: float, colors: str = "viridis") -> Array:
     """(h, w) in [0, top] through a color map, NaN as light gray.  (h, w, 3) float."""
     import matplotlib
@@ -243,6 +261,11 @@ def heat(values: Array, top: float, colors: str = "viridis") -> Array:
 def enlarged(image: Array, left: int, top: int, width: int, height: int) -> Array:
     """The part of an image (h, w, ...) with its top left pixel at (``left``, ``top``), for an enlarged panel."""
     return image[top : top + height, left : left + width]
+
+
+def magnified(image: Array) -> Array:
+    """``image`` (h, w, ...) at four times its width and height."""
+    return image.repeat(4, axis=0).repeat(4, axis=1)
 
 
 def scaled_to(image: Array, shape: tuple[int, int]) -> Array:

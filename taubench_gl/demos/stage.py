@@ -7,19 +7,18 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers, Pair, evaluate_scene
-from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import MethodSpec, load_method, method_settings
@@ -28,9 +27,10 @@ from taubench_gl.run import Run
 from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_x, turn_y
 from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
 Array = np.ndarray
+P = ParamSpec("P")
 SIZE = (480, 270)
 SMALLEST, LARGEST = (160, 90), (1920, 1080)
 """Smaller images have too few edge pixels for the theoretical values."""
@@ -44,7 +44,6 @@ class LitPair:
     motion: Array  # (h, w, 2) previous - current, pixels, +x right, +y down; 0 behind the camera
     now: Mapping[str, Array]
     before: Mapping[str, Array]
-    row: Mapping[str, Any]  # row of frames.csv
 
     def has(self, bits: int) -> Array:
         """Which pixels have any of ``bits``.  (h, w) bool."""
@@ -53,6 +52,10 @@ class LitPair:
     def percent(self, bits: int) -> float:
         """The share of the pixels with any of ``bits``, percent."""
         return 100.0 * float(self.has(bits).mean())
+
+    def change(self, channel: str) -> Array:
+        """The length of the change of a channel's first three components between the frames.  (h, w)."""
+        return np.linalg.norm(self.now[channel][..., :3] - self.before[channel][..., :3], axis=-1)
 
     def row_width(self, bits: int) -> float:
         """The number of pixels with any of ``bits`` in the middle row."""
@@ -90,8 +93,7 @@ class Stage:
 
         ``settings``: fields of Settings; the defaults are one frame per second and no indirect light.
         """
-        defaults = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none", **FIXED_LIGHTING}
-        return Settings(**(defaults | settings | {"backend": self.gpu.backend, "device": self.device}))
+        return self.bench.settings_of({"fps": 1.0, "light": "auto"} | settings)
 
     def evaluate(
         self, scene: Scene, *, camera: CameraTrack | None = None, extra: Sequence[str] = (), **settings: Any
@@ -106,7 +108,7 @@ class Stage:
         def keep(pair: Pair) -> None:
             names = [n for n in pair.source.channels if n in pair.source.current]
             now, before = ({n: pair.source.read(n, previous=old) for n in names} for old in (False, True))
-            pairs.append(LitPair(pair.mask, pair.motion, now, before, dict(pair.row)))
+            pairs.append(LitPair(pair.mask, pair.motion, now, before))
 
         camera = camera or choose_camera(scene, stage_settings.sequence.camera)
         run = evaluate_scene(scene, stage_settings, Observers(on_pair=keep, channels=tuple(extra)), camera=camera)
@@ -116,19 +118,6 @@ class Stage:
         """The first pair of ``scene``: its frames at 0 and 1 second."""
         return self.evaluate(scene, frames=(0, 2), **settings)[1][0]
 
-    def direct_light(
-        self, scene: Scene, frames: Sequence[int], shading: Shading | None = None, **settings: Any
-    ) -> Array:
-        """Direct radiance of ``frames``, (frames, h, w, 3) float64.  ``settings``: fields of Settings."""
-        stage_settings = self.settings(columns=("direct",), **settings)
-        with GpuOwner(self.gpu) as owner:
-            source = owner.open_source(AnimatedScene(scene), stage_settings, shading=shading or Shading())
-            images = []
-            for frame in frames:
-                source.advance(frame)
-                images.append(source.read("direct")[..., :3].astype(np.float64))
-        return np.stack(images)
-
     @contextlib.contextmanager
     def reuse(
         self,
@@ -136,28 +125,23 @@ class Stage:
         texts: Mapping[str, str],
         kind: str = "full",
         reads: Sequence[str] = (),
-        exact: bool = False,
         **settings: Any,
     ) -> Iterator[tuple[RasterInputs, dict[str, MethodRunner]]]:
         """Inputs of reuse methods, and a runner for each of ``texts``: name -> specification, as on the command line.
 
-        ``kind``: of the input; ``reads``: inputs beyond those of the methods and radiance; ``exact``: with the masks
-        of the exact frames.
+        ``kind``: of the input; ``reads``: inputs beyond those of the methods and radiance.
         """
         stage_settings = self.settings(reprojection="motion", environment="none", **settings)
         specs = {name: MethodSpec.parse(text) for name, text in texts.items()}
         methods = {name: load_method(spec.method) for name, spec in specs.items()}
         every = {read for method in methods.values() for read in method.reads} | {"radiance", *reads}
         request = FrameRequest(self.gpu, scene, choose_camera(scene), stage_settings, parse_input(kind))
-        size = stage_settings.sequence.width, stage_settings.sequence.height
-        with contextlib.ExitStack() as opened:
-            inputs = RasterInputs(request, every, exact=exact)
-            opened.callback(inputs.release)
-            runners = {}
+        with Owner() as owner:
+            inputs, runners = owner.own(RasterInputs(request, every)), {}
             for name, method in methods.items():
                 values = method_settings(method, specs[name].settings)
-                runners[name] = MethodRunner(self.gpu, method, size, values, input_size=inputs.size)
-                opened.callback(runners[name].release)
+                runner = MethodRunner(self.gpu, method, inputs.output_size, values, input_size=inputs.size)
+                runners[name] = owner.own(runner)
             yield inputs, runners
 
     def release(self) -> None:
@@ -173,7 +157,13 @@ SAND, BRICK, SEA, LEAF, CHALK, GOLD = (
 
 
 class Props(SceneBuilder):
-    """A SceneBuilder with diffuse materials and a few shapes."""
+    """A SceneBuilder with diffuse materials and a few shapes.  ``root``: the node that nodes without a parent get."""
+
+    root = -1
+
+    def node(self, parent: int = -1, **fields: Any) -> int:
+        """Add a node below ``parent``, or below ``root``."""
+        return super().node(self.root if parent < 0 else parent, **fields)
 
     def paint(self, color: tuple[float, float, float], **more: object) -> int:
         """Add a Lambertian material without specular lobe.  ``more``: fields of Material."""
@@ -211,6 +201,18 @@ class Props(SceneBuilder):
     ) -> int:
         """Add a rectangle of ``cells`` squares in two ``colors``, facing +Z of its node."""
         return self.thing(*checkered(half_width, half_height, cells, [self.paint(c) for c in colors]), **node)
+
+
+def built(parts: Callable[Concatenate[Props, P], None]) -> Callable[P, Scene]:
+    """A function that returns the scene of what ``parts`` adds to the Props that are its first argument."""
+
+    @functools.wraps(parts)
+    def scene(*args: P.args, **options: P.kwargs) -> Scene:
+        props = Props()
+        parts(props, *args, **options)
+        return props.build()
+
+    return scene
 
 
 def checkered(half_width: float, half_height: float, cells: tuple[int, int], materials: list[int]) -> list[Primitive]:

@@ -89,12 +89,14 @@ def hit_sphere(origin: Array, direction: Array, center: Array, radius: float) ->
 
 def edge_pixels(region: Array) -> int:
     """Number of pixels on both sides of the edge of a region (h, w) bool, where rounding may change the result."""
-    padded = np.pad(region, 1, mode="edge")
-    changes = np.zeros_like(region)
-    for rows, columns in ((slice(2, None), slice(1, -1)), (slice(None, -2), slice(1, -1)),
-                          (slice(1, -1), slice(2, None)), (slice(1, -1), slice(None, -2))):  # fmt: skip
-        changes |= padded[rows, columns] != region
-    return int(changes.sum())
+    from scipy.ndimage import binary_dilation, binary_erosion  # imported late: 0.2 s
+
+    return int(np.sum(binary_dilation(region) ^ binary_erosion(region, border_value=1)))
+
+
+def shares_above(values: Array, thresholds: Array) -> Array:
+    """The percentage of ``values`` (h, w) above each of ``thresholds`` (n,).  (n,)."""
+    return 100.0 * (1.0 - np.searchsorted(np.sort(values.ravel()), thresholds, side="right") / values.size)
 
 
 def share_deviation(share: float, count: float) -> float:
@@ -139,23 +141,20 @@ def innermost_pixel(region: Array) -> tuple[float, float]:
     """The pixel (x, row) of a region that is farthest from its edge.  Raises ValueError for an empty region."""
     if not region.any():
         raise ValueError("an empty region has no innermost pixel")
-    remaining = np.pad(region, 1)
-    while True:
-        core = remaining[1:-1, 1:-1]
-        smaller = np.pad(
-            core & remaining[:-2, 1:-1] & remaining[2:, 1:-1] & remaining[1:-1, :-2] & remaining[1:-1, 2:], 1
-        )
-        if not smaller.any():
-            rows, columns = np.nonzero(core)
-            nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
-            return float(columns[nearest]), float(rows[nearest])
-        remaining = smaller
+    from scipy.ndimage import distance_transform_cdt
+
+    depth = distance_transform_cdt(np.pad(region, 1), "taxicab")[1:-1, 1:-1]
+    rows, columns = np.nonzero(depth == depth.max())
+    nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+    return float(columns[nearest]), float(rows[nearest])
 
 
 def ground_distance(size: Size, eye: float, focal: float, step: float) -> Array:
-    """Distance from each point of the ground of ``ground_discards`` to that at the nearest previous pixel.  (h, w) m.
+    """Distance from level ground under a camera that moves forward to that at the nearest previous pixel.  (h, w) m.
 
-    0 above the horizon.  ``focal``: pixels.
+    0 above the horizon.  ``eye``: height of the camera, meters; ``focal``: focal length, pixels; ``step``: meters
+    between frames.  Ground y pixels below the horizon is z = eye * focal / y away and was at eye * focal / (z + step)
+    pixels; the pixel center nearest to there shows ground at another distance.
     """
     width, height = size
     below = (np.arange(height) + 0.5 - height / 2)[:, None]
@@ -174,16 +173,3 @@ def ground_distance(size: Size, eye: float, focal: float, step: float) -> Array:
 def nearest_center(place: Array, count: int) -> Array:
     """The pixel center nearest to ``place`` along an axis of ``count`` pixels, both from the middle of the image."""
     return np.floor(place + count / 2) + 0.5 - count / 2
-
-
-def ground_discards(height_px: int, eye: float, focal: float, step: float, threshold: float) -> float:
-    """Share of an image that a fixed distance discards on level ground under a camera that moves forward, %.
-
-    ``eye``: height of the camera, meters; ``focal``: focal length, pixels; ``step``: meters between frames.  Ground
-    that is y pixels below the horizon is z = eye * focal / y away and was at eye * focal / (z + step) pixels; the row
-    of pixel centers nearest to there shows ground at another distance.  ``height_px`` is even.
-    """
-    below = np.arange(0.5, height_px / 2)  # pixel centers below the horizon
-    then = eye * focal / below + step
-    nearest = np.floor(eye * focal / then) + 0.5
-    return 100.0 * float(np.sum(np.abs(eye * focal / nearest - then) > threshold)) / height_px

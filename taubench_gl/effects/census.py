@@ -143,12 +143,12 @@ class _Lights:
 
 
 def _moved(a: Array, b: Array) -> Array:
-    """Do world transforms differ?  (n, 4, 4), (n, 4, 4) -> (n,) bool."""
+    """Whether world transforms differ, (n, 4, 4) and (n, 4, 4) -> (n,) bool."""
     return _differs(a[:, :3, :3].reshape(-1, 9), b[:, :3, :3].reshape(-1, 9)) | _translated(a, b)
 
 
 def _translated(a: Array, b: Array) -> Array:
-    """Do world positions differ?  (n, 4, 4), (n, 4, 4) -> (n,) bool.
+    """Whether world positions differ, (n, 4, 4) and (n, 4, 4) -> (n,) bool.
 
     The tolerance is relative to the whole transform: a position that should cancel to 0 leaves rounding.
     """

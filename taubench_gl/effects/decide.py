@@ -95,7 +95,7 @@ FORCEABLE = {
 
 
 def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]:
-    """Columns that are null, and why."""
+    """Column that is null -> why nothing can measure it."""
     out = {}
     for column in COLUMNS:
         if column not in settings.metrics.columns:
@@ -263,8 +263,8 @@ def _indirect(effects: Mapping[str, Effect], traced: frozenset[str], lit: bool, 
         return Effect(False, "no punctual light to start from")
     method = indirect_method(settings)
     ignores = "no occlusion between surfaces, one bounce" if method == "rsm" else "coarse occlusion, four bounces"
-    more = f", of {' and '.join(sorted(traced))} by path tracing" if traced and settings.lighting.bounces > 1 else ""
-    return Effect(True, f"indirect light by {method} ({ignores}){more}")
+    paths = f", of {' and '.join(sorted(traced))} by path tracing" if traced and settings.lighting.bounces > 1 else ""
+    return Effect(True, f"indirect light by {method} ({ignores}){paths}")
 
 
 def indirect_method(settings: Settings) -> str:

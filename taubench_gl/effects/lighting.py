@@ -35,8 +35,8 @@ DEFAULT_RADIANCE = (0.4, 0.4, 0.4)
 """Radiance of the default environment's uniform sky, linear RGB; the exposure of a file that gets it is metered."""
 
 DEFAULT_SUN = Sun((-0.4, -0.8, -math.sqrt(0.2)), (2.0 * math.pi,) * 3)
-"""53 degrees above the horizon, 42 degrees from +Z (where glTF models face) to +X.  A white diffuse surface that
-faces it reflects five times the radiance of the sky, about the ratio of a clear day."""
+"""Sun of the default environment, 53 degrees above the horizon, 42 degrees from +Z (where glTF models face) to +X.  A
+white diffuse surface that faces it reflects five times the radiance of the sky, about the ratio of a clear day."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def environment_of(settings: Settings) -> Environment:
 
 
 def light_unit_in(settings: Settings) -> str:
-    """watt or candela.  Raises ValueError for ``auto``."""
+    """Light unit of resolved settings, watt or candela.  Raises ValueError for ``auto``."""
     unit = settings.lighting.light_unit
     if unit == AUTO:
         raise ValueError("light unit is auto: call evaluation.resolve_lighting first")
@@ -90,7 +90,7 @@ def unit_divisor(unit: str) -> float:
 
 
 def light_unit_of(scene: Scene) -> Choice:
-    """The light unit that ``auto`` stands for."""
+    """The light unit that ``auto`` stands for in ``scene``, and why."""
     version = exporter_version(scene.generator)
     if version is not None and version >= WATT_SINCE:
         return Choice("watt", f"written by {_named(scene)}: {LUMENS_PER_WATT:g} lm for each watt")
@@ -104,12 +104,14 @@ def _named(scene: Scene) -> str:
 
 
 def emits(material: Material) -> bool:
-    """Unlit surfaces show their base color and light nothing."""
+    """Whether surfaces of ``material`` emit light; unlit ones show their base color and light nothing."""
     return any(c > 0.0 for c in material.emissive) and not material.unlit
 
 
 def counts_as_light(material: Material) -> bool:
-    """KHR_materials_emissive_strength is above 1, so the surface is a light, not only bright in the image."""
+    """Whether KHR_materials_emissive_strength is above 1, so that the surface is a light, not only bright in the
+    image.
+    """
     return emits(material) and material.emissive_strength > 1
 
 
@@ -132,7 +134,7 @@ def own_light(scene: Scene) -> str | None:
 
 
 def environment_for(scene: Scene) -> Choice:
-    """The environment that ``auto`` stands for."""
+    """The environment that ``auto`` stands for in ``scene``, and why."""
     if scene.environment is not None:
         return Choice(scene.environment, "of the file")
     light = own_light(scene)

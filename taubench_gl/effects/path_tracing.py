@@ -33,7 +33,7 @@ def emitters(scene: Scene, settings: Settings) -> frozenset[int]:
 
 
 def emissive_surfaces(scene: Scene, settings: Settings) -> int:
-    """Drawn primitives with a material of ``emitters``."""
+    """Number of drawn primitives with a material of ``emitters``."""
     found = emitters(scene, settings)
     return sum(p.material in found for _, p in scene.drawn())
 
@@ -57,7 +57,9 @@ def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
 
 
 def has_dielectric(material: Material) -> bool:
-    """Whether its dielectric lobe has a color, a texture or an index of refraction, or light goes through."""
+    """Whether the dielectric lobe of ``material`` has a color, a texture or an index of refraction, or light goes
+    through.
+    """
     textured = material.specular_texture is not None or material.specular_color_texture is not None
     changed = textured or material.ior != 1.5 or material.specular_color != (1.0, 1.0, 1.0)
     lobe = material.specular > 0.0 and changed
@@ -65,12 +67,12 @@ def has_dielectric(material: Material) -> bool:
 
 
 def transmits(material: Material) -> bool:
-    """Whether light goes through; an infinite index of refraction (0) reflects all of it."""
+    """Whether light goes through ``material``; an infinite index of refraction (0) reflects all of it."""
     return not material.unlit and material.transmission > 0.0 and material.ior > 0.0
 
 
 def absorbs(material: Material) -> bool:
-    """Whether light that goes through is absorbed on its way inside."""
+    """Whether light that goes through ``material`` is absorbed on its way inside."""
     dark = material.attenuation_distance < np.inf and min(material.attenuation_color) < 1.0
     return transmits(material) and material.thick and dark
 

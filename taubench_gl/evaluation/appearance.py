@@ -85,8 +85,8 @@ def transparency_notes(scene: Scene, blend: str, seen: Surfaces | None = None, w
     """
     used = {p.material for _, p in scene.drawn()}
     if used and blend != "opaque" and all(is_invisible(scene, i) for i in used):
-        how = "all surfaces have opacity 0, and nothing is drawn: --blend opaque draws them"
-        return [f"{how} ({len(used)} material{'s' * (len(used) > 1)})"]
+        text = "all surfaces have opacity 0, and nothing is drawn: --blend opaque draws them"
+        return [f"{text} ({len(used)} material{'s' * (len(used) > 1)})"]
     faint = {i for i in blended_materials(scene) if scene.materials[i].base_color[3] < BLEND_CUTOFF}
     pixels = None
     if seen is not None:

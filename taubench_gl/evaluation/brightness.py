@@ -23,7 +23,7 @@ WHITE = 1.0 - 1e-4
 """Display color, or radiance times exposure, from which a channel clips: 1 less rounding."""
 
 MOST_CLIPPED, MOST_BLACK, MOST_NOISY, MOST_BEHIND = 0.2, 0.9, 0.01, 0.01
-"""Shares above which a run has a note: of lit pixels, and three of all pixels."""
+"""Shares above which a run has a note: clipped of lit pixels; black, noisy and behind culled backs of all."""
 
 
 @dataclass(slots=True)

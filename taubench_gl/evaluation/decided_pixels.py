@@ -29,7 +29,7 @@ from taubench_gl.srgb import LUMINANCE
 Array = np.ndarray
 
 CONFIDENCE = 0.9973
-"""With which a distance is clear of its threshold, by Student's t over the parts: three standard deviations."""
+"""Probability with which a distance must be clear of its threshold, by Student's t over the parts: 3 sigma."""
 
 FLOOR_QUANTILE = 0.999
 """The error of a distance is at least what one more sample would add that is as far off as this quantile of the pair's
@@ -276,7 +276,7 @@ class DecidedPixels:
         weights = listed.weights[expand]
         return {n: values[n][..., 0, :] - blend(values[n][..., 1:, :], weights) for n in self.columns}
 
-    def _of_lobes(self, listed: _Listed, light: Array) -> dict[str, Array]:
+    def _lobe_distances(self, listed: _Listed, light: Array) -> dict[str, Array]:
         """``lobe_distance`` -> distance (m,) of each wanted lobe, of parts ``light``."""
         out = {}
         for place, (bounce, name) in self._lobes.items():
@@ -300,10 +300,11 @@ class DecidedPixels:
     def _words_and_distances(self, listed: _Listed, light: Array) -> tuple[Array, dict[str, Array]]:
         """Reason words (m,) and distances (m,) by column and lobe, of parts ``light``."""
         found, _, bits, _ = self._compare(listed, light)
-        return (listed.words & ~LIGHT_BITS) | bits, found | self._of_lobes(listed, light)
+        return (listed.words & ~LIGHT_BITS) | bits, found | self._lobe_distances(listed, light)
 
     def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array, Array]:
-        """Of parts ``light``: distances (m,) and their standard errors (m,) by column, light bits (m,), luminance (m,).
+        """What parts ``light`` say: distances (m,) and their standard errors (m,) by column, light bits (m,), luminance
+        (m,).
 
         Errors: the jackknife over parts (Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Eq. 11.5).
         """

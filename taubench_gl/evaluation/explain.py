@@ -185,6 +185,7 @@ def _history(images: MaskedPair, names: list[str], at_up: tuple[float, float], s
     block = {}
     for name in names:
         texture = images.source.previous[FEATURE[name].channel]
+        # GL's row 0 is at the bottom
         block[name] = value_of(name, read_texels(images.gpu, texture, x0, y0, across, rows)[::-1])
     local = np.array([[at_up[0] - x0, (rows - 1) - (at_up[1] - y0)]])
     return sample_history(images.settings.metrics.sampling, block, local, np.array([surface]))

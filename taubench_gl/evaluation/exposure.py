@@ -39,14 +39,14 @@ from taubench_gl.stage_log import lasting, progressed
 log = logging.getLogger(__name__)
 
 METERED_FRAMES = 9
-"""Evenly spread over the whole animation of scene and camera; one where both are still."""
+"""Number of metered frames, evenly spread over the whole animation of scene and camera; one where both are still."""
 
 METERED_SIZE, METERED_PIXELS = (256, 144), 16384
 """Width and height of the metered frames, and the surface pixels that are traced in all of them together, if there are
 as many.  A quarter of them leaves errors of 5 % where the brightest twentieth of the pixels decides."""
 
 TRACED = {"light": "path-traced", "bounces": 1, "spp": 64, "pattern": "independent", "seed": 0}
-"""Direct light of a metered pixel: 64 samples; punctual lights exactly, up to 1,024 around a point.
+"""Settings of the direct light of a metered pixel: 64 samples; punctual lights exactly, up to 1,024 around a point.
 
 With 16 samples the logarithm of their noise makes exposures up to 30 % wrong, with 64 up to 2 %.
 """

@@ -144,9 +144,9 @@ def file_hashes(scene: Scene, settings: Settings) -> dict[str, str | None]:
     """``sha256`` of the scene's files, of an environment image ``environment_sha256``, and of a recorded camera
     ``camera_path_sha256``."""
     image, path = environment_image(settings), settings.sequence.camera_path
-    more = {} if image is None else {"environment_sha256": image.sha256}
-    more |= {} if path is None else {"camera_path_sha256": hashed(path, SceneError).hexdigest()}
-    return {"sha256": scene.sha256, **more}
+    others = {} if image is None else {"environment_sha256": image.sha256}
+    others |= {} if path is None else {"camera_path_sha256": hashed(path, SceneError).hexdigest()}
+    return {"sha256": scene.sha256, **others}
 
 
 def files_identity(hashes: Mapping[str, Any]) -> str | None:

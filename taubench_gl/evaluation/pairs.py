@@ -110,8 +110,8 @@ class PairEvaluator:
                 before.append(self.source.previous_view if stereo else self._previous[sample])
                 run = self.submit(reprojection_of(views[-1], before[-1], *self.source.size))
                 if not self.deferred:
-                    one = self._masks.read(run)
-                    counts = one if counts is None else counts + one
+                    of_sample = self._masks.read(run)
+                    counts = of_sample if counts is None else counts + of_sample
         self._previous = views
         view = views[0].centered()
         if not evaluate:

@@ -109,7 +109,9 @@ class PreviousShading:
         return values[..., :3].astype(np.float64) * self._exposure
 
     def _color(self, current: RasterSource, position: Array) -> Array | None:
-        """A view direction keeps its sky."""
+        """Largest change of a channel of sRGB color at each point, (h, w), 0 in the sky: a view direction keeps its
+        sky.  None where the source has no color.
+        """
         if "color" not in self._source.radiance:
             return None
         change = np.abs(current.read("color")[..., :3].astype(np.float64) - self._source.read("color")[..., :3])

@@ -172,11 +172,11 @@ class LightVisits:
         self._pixels = visit_sizes(settings, len(sampled_pairs(frames, settings).positions))[1]
         kinds = ("frame", "eye") if settings.metrics.history == "both" else (settings.metrics.history,)
         self._histories = []
-        for given in (settings.replace(history=kind) for kind in kinds):
+        for of_kind in (settings.replace(history=kind) for kind in kinds):
             if previews is None or len(kinds) > 1:
-                source = variant(given, extra=preview_channels(estimate.columns))
-                previews = Previews(owner, source, given, estimate.columns)
-            self._histories.append(_Histories(variant, given, estimate.columns, estimate.lobes, previews))
+                source = variant(of_kind, extra=preview_channels(estimate.columns))
+                previews = Previews(owner, source, of_kind, estimate.columns)
+            self._histories.append(_Histories(variant, of_kind, estimate.columns, estimate.lobes, previews))
 
     def visit(self, position: int, number: int) -> Visit:
         """The pixels of visit ``number`` of the pair at ``position``."""
@@ -331,7 +331,7 @@ class SampledLight:
             row |= dict.fromkeys(SAMPLED_COLUMNS)
         if not self.rounds:
             return
-        self.estimate.amend(summary, self._intervals)
+        self.estimate.write_estimates(summary, self._intervals)
         visits = [visit for of_pair in self.estimate.visits.values() for visit in of_pair]
         summary["sampled_light"] = {
             "rounds": self.rounds, "pairs": len(self.estimate.visits), "pixels": sum(len(v.stratum) for v in visits),

@@ -207,7 +207,7 @@ def evaluate_scene(
     """Evaluate every frame pair of one scene.
 
     ``out`` receives frames.csv row by row and summary.json at the end; ``camera`` overrides ``sequence.camera``;
-    ``lobes`` of direct and indirect (``conventions.LOBES``) are also measured apart, in ``lobes`` of the summary;
+    ``lobes`` of direct and indirect (``lobes.LOBES``) are also measured apart, in ``lobes`` of the summary;
     ``sampled``: with light method ``auto``, columns of light are path-traced at random pixels, else they are the
     preview's; path-traced light without ``spp`` has as many samples as each pixel needs, else images of 256.  Raises
     TaubenchError.

@@ -26,8 +26,8 @@ def frame_range(scene: Scene, camera: CameraTrack, settings: Settings) -> range:
     if not frames:
         count = frame_total(scene, camera, settings)
         first, stop = settings.sequence.frames
-        given = f"{'' if first is None else first}:{'' if stop is None else stop}"
-        message = f"frames {given} selects no frame of {count}"
+        bounds = f"{'' if first is None else first}:{'' if stop is None else stop}"
+        message = f"frames {bounds} selects no frame of {count}"
         raise SettingsError(message, hint=f"choose within 0:{count}", setting="frames")
     return frames
 

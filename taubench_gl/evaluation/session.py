@@ -271,7 +271,7 @@ class Session(GpuOwner):
         return before, evaluated.view
 
     def summary(self) -> dict[str, Any]:
-        """summary.json of the pairs."""
+        """The content of summary.json for the pairs of the last call of ``pairs``."""
         with self.gpu:
             self.gpu.check("evaluation")
             static, views = self.plan.static_summary(self), self.plan.views(self)

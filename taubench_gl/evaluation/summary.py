@@ -47,8 +47,8 @@ def static_summary(
     overflowing = poser.overflowing(poser.sample(frames[0] / settings.sequence.fps).world)
     if len(overflowing):
         name = scene.nodes.names[overflowing[0]] or f"number {overflowing[0]}"
-        more = f" and {len(overflowing) - 1} more" if len(overflowing) > 1 else ""
-        notes.append(f"node {name!r}{more}: the world transform overflows; no drawn node depends on it")
+        others = f" and {len(overflowing) - 1} more" if len(overflowing) > 1 else ""
+        notes.append(f"node {name!r}{others}: the world transform overflows; no drawn node depends on it")
     return {
         "scene": {
             "name": scene.name,

@@ -71,7 +71,7 @@ class Tally:
         """Add the pair of ``frame`` with the frame before, and complete its ``row`` of frames.csv.
 
         ``views``: of the camera in both frames; ``lobes``: mask histogram (MASK_WORDS,) by lobe; ``row``: has the
-        columns of column adders.
+        columns of column groups.
         """
         if self.sampled is not None:
             self.sampled.add(frame - 1 - self.frames[0], counts)
@@ -83,7 +83,7 @@ class Tally:
         self.rows.append(row)
 
     def summary(self, static: Mapping[str, Any], views: list[View], source: Mapping[str, Any]) -> dict[str, Any]:
-        """summary.json of the pairs, without timing and provenance.
+        """The content of summary.json for the pairs that were added, without timing and provenance.
 
         ``static``: what needs no pair (``summary.static_summary``); ``views``: of all frames; ``source``: what the
         source of the frames says of itself (``Source.describe``).

@@ -40,7 +40,7 @@ class Writer:
     """Writes the files of a format into a folder."""
 
     names: tuple[str, ...] | None = None
-    """Channels of a format that does not leave the choice."""
+    """Channels that files of the format have, where it does not leave the choice; else empty."""
 
     def __init__(self, out: Path, spec: ExportSpec):
         self.out, self.spec = out, spec
@@ -68,7 +68,7 @@ def _writing(path: Path) -> Iterator[None]:
 
 
 class _PerFrame(Writer):
-    """One file per frame."""
+    """Writes one file per frame."""
 
     suffix = ""
 
@@ -103,7 +103,8 @@ class ExrWriter(_PerFrame):
 
 
 def exr_attributes(spec: ExportSpec, frame: ExportFrame) -> dict[str, Any]:
-    """Header attributes.  ``worldToCamera`` is OpenEXR's (float, acts on row vectors, +Y up, -Z forward).
+    """Attributes in the header of an EXR file.  ``worldToCamera`` is OpenEXR's (float, acts on row vectors, +Y up, -Z
+    forward).
 
     ``taubench.*`` are float64 and act on column vectors, as in ``camera_matrices``.
     """

@@ -268,7 +268,8 @@ class FrameSource(GpuOwner):
 
 
 def intrinsics(view: View, width: int, height: int) -> Array:
-    """K (3, 3), computer vision axes -> pixel-index coordinates: the center of the top left pixel is (0, 0), +y down.
+    """Intrinsic matrix K, (3, 3) float64, from computer vision axes to pixel-index coordinates: the center of the top
+    left pixel is (0, 0), +y down.
 
     Perspective: pixel = K @ (X / Z, Y / Z, 1).  Orthographic: pixel = K @ (X, Y, 1).  Without jitter.
     """
@@ -280,7 +281,7 @@ def intrinsics(view: View, width: int, height: int) -> Array:
 
 
 def extrinsics(view: View) -> Array:
-    """(3, 4), world -> computer vision camera axes."""
+    """Extrinsic matrix, (3, 4) float64, from the world to computer vision axes of the camera."""
     rotation = CV_FROM_VIEW @ view.world_from_view.T
     return np.column_stack([rotation, -rotation @ view.position])
 
@@ -308,7 +309,7 @@ def _arrays(images: dict[str, Array]) -> dict[str, Array]:
 
 
 def _motion(motion: Image, mask: Image) -> Array:
-    """(h, w, 2) motion in pixels; NaN where a pixel has no position in the other frame."""
+    """Motion of every pixel, (h, w, 2) pixels; NaN where it has no position in the other frame."""
     values = motion.get()
     values[(mask.get()[..., 0] & NO_MOTION) != 0] = np.nan
     return values

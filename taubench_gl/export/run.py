@@ -121,7 +121,7 @@ def export_scene(
 
 
 Control = tuple[bool, Callable[[Progress], None] | None, Callable[[str], None]]
-"""Whether to overwrite; what gets the progress; what gets lines of text."""
+"""How an export is run: whether to overwrite, what gets the progress, and what gets lines of text."""
 
 
 def _export_eyes(
@@ -153,8 +153,8 @@ def _export(
     plan = plan_scene(scene, _lit(settings, options), camera)
     settings = plan.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     frames, loaded = plan.frames, plan.animated.scene
-    more = {"jitter": options.jitter, "training": options.training, "two_sizes": options.format == "nss"}
-    with opened_gpu(settings) as owner, FrameSource(owner.gpu, plan.animated, settings, names, **more) as source:
+    keywords = {"jitter": options.jitter, "training": options.training, "two_sizes": options.format == "nss"}
+    with opened_gpu(settings) as owner, FrameSource(owner.gpu, plan.animated, settings, names, **keywords) as source:
         exported = (*source.names, *(() if source.training is None else source.training.names))
         if not exported:
             why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())

@@ -30,7 +30,7 @@ Errors = dict[str, dict[str, Array]]
 """Check -> mistake, "" for the file as stored -> errors (h, w) without it, >= 0, NaN: unknown."""
 
 CLEARER = 0.9
-"""Of two sums of errors, one is clearly smaller if it is below this part of the other."""
+"""Part of a sum of errors below which another sum is clearly smaller."""
 
 OTHER_PIXEL_PX = 0.5
 """Points whose mean distance from the centers of their pixels is larger are those of others, jitter included."""
@@ -123,7 +123,7 @@ def _compare_nss(arrays: Arrays, number: int) -> tuple[list[float], Errors]:
 
 
 def _compare_noisebase(arrays: Arrays, number: int) -> tuple[list[float], Errors]:
-    """As ``_compare_nss``."""
+    """Compare a frame of data of noisebase with the one before.  -> as of ``_compare_nss``."""
     position, step = (_last(arrays[name][number][..., 0]) for name in ("position", "motion"))
     clean, before = (_last(arrays["reference"][n]) for n in (number, number - 1))
     here, then = (np.float64(arrays["view_proj_mat"][n]) for n in (number, number - 1))
@@ -139,7 +139,9 @@ def _compare_noisebase(arrays: Arrays, number: int) -> tuple[list[float], Errors
 
 
 def _brightness(noisy: Array, clean: Array) -> dict[str, Array]:
-    """Few samples per pixel are noisy, but the means of all pixels are near each other."""
+    """Distance of the means of noisy and clean light, natural logarithm, and what it may be: few samples per pixel are
+    noisy, but the means of all pixels are near each other.
+    """
     return {"": np.abs(np.log([noisy.mean() / clean.mean()])), "not that of the clean light": np.log([BRIGHTNESS])}
 
 
@@ -153,17 +155,17 @@ def _compare_images(image: Array, before: Array, motions: Mapping[str, Array]) -
 
 
 def _pixels(clip: Array, size: Any) -> Array:
-    """Clip space (..., 4) -> (x, y), pixel centers at integers, +y down."""
+    """Places of clip coordinates (..., 4) in the image, (..., 2) pixels, centers at integers, +y down."""
     return (clip[..., :2] / clip[..., 3:] * [0.5, -0.5] + 0.5) * size - 0.5
 
 
 def _distance(one: Array, other: Array) -> Array:
-    """Pixels, up to 1: a few that are far off, as at edges, do not decide."""
+    """Distance of two places (..., 2) in pixels, at most 1: a few that are far off, as at edges, do not decide."""
     return np.minimum(np.linalg.norm(one - other, axis=-1), 1.0)
 
 
 def _last(image: Array) -> Array:
-    """(components, h, w) -> (h, w, components) float64."""
+    """``image`` (components, h, w) with its components last, (h, w, components) float64."""
     return np.moveaxis(image.astype(np.float64), 0, -1)
 
 

@@ -34,21 +34,21 @@ _NO_POSITION = int(Reason.OUTSIDE | Reason.BEHIND | Reason.INVALID | Reason.CUT 
 
 
 def flo_bytes(flow: Array) -> bytes:
-    """(h, w, 2) float32 -> .flo; values that are not finite are written as unknown."""
+    """Bytes of a .flo file of ``flow`` (h, w, 2) float32, pixels; values that are not finite are written as unknown."""
     height, width, _ = flow.shape
     values = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, UNKNOWN_FLOW)
     return struct.pack("<fii", TAG, width, height) + values.astype("<f4").tobytes()
 
 
 def dpt_bytes(depth: Array) -> bytes:
-    """(h, w) float32, 0 = no surface -> .dpt."""
+    """Bytes of a .dpt file of planar ``depth`` (h, w) float32, 0 = no surface."""
     height, width = depth.shape
     values = np.where(depth > 0, depth, NO_SURFACE)
     return struct.pack("<fii", TAG, width, height) + values.astype("<f4").tobytes()
 
 
 def cam_bytes(intrinsics: Array, extrinsic: Array) -> bytes:
-    """M (3, 3) and N (3, 4) -> .cam."""
+    """Bytes of a .cam file of M, ``intrinsics`` (3, 3), and N, ``extrinsic`` (3, 4)."""
     return struct.pack("<f", TAG) + intrinsics.astype("<f8").tobytes() + extrinsic.astype("<f8").tobytes()
 
 

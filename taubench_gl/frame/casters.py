@@ -11,7 +11,7 @@ from taubench_gl.frame.shadow_faces import FaceTable
 
 Array = np.ndarray
 Rect = tuple[int, int, int, int]
-"""x, y, width, height, texels of a face."""
+"""A rectangle of a face: x, y, width and height in texels."""
 
 
 class Casters:
@@ -24,7 +24,9 @@ class Casters:
         self._poses: list[bytes] = [b""] * count
 
     def update(self, bounds: tuple[Array, Array], poses: list[bytes], visible: Array) -> None:
-        """``bounds``: centers (D, 3) and radii (D,), world; ``poses``: equal bytes for equal pose, per draw."""
+        """Take the state of a frame.  ``bounds``: centers (D, 3) and radii (D,), world; ``poses``: equal bytes for
+        equal pose, per draw; ``visible``: (D,) bool.
+        """
         self.centers, self.radii = bounds
         for i, pose in enumerate(poses):
             if pose != self._poses[i]:

@@ -27,10 +27,9 @@ class _Skinned:
 
 
 class DrawBounds:
-    """Spheres of fixed draws move with their matrix.
-
-    A skinned vertex is a weighted mean of its positions under each joint, so it lies in the hull of the joints' spheres
-    (each around the bind positions that joint moves).  Morph displacements widen a sphere by their largest length.
+    """World bounding spheres of draws.  Those of fixed draws move with their matrix.  A skinned vertex is a weighted
+    mean of its positions under each joint, so it lies in the hull of the joints' spheres (each around the bind
+    positions that joint moves).  Morph displacements widen a sphere by their largest length.
     """
 
     def __init__(self, scene: Scene, draws: tuple[Draw, ...]):

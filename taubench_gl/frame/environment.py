@@ -31,7 +31,7 @@ def image_of(environment: Environment) -> EnvironmentImage:
 
 
 def maps_of(environment: Environment) -> EnvironmentMaps:
-    """Its maps, computed once while the file does not change."""
+    """The maps of an environment of kind ``image``, computed once while its file does not change."""
     image = image_of(environment)
     return _maps(image.path, image.sha256)
 

@@ -144,17 +144,23 @@ class Pool:
 class _Builder:
     parts: list[VertexData] = field(default_factory=list)
     vertices: int = 0
-    indices: int = 0
+    indices: dict[int, int] = field(default_factory=dict)  # identity of a list of triangles -> its first index
+    triangles: list[Array] = field(default_factory=list)  # those lists: tiles of a terrain often share one
+    index_count: int = 0
 
     def add(self, vertices: VertexData) -> tuple[int, int]:
-        base = self.vertices, self.indices
+        base = self.vertices, self.indices.setdefault(id(vertices.triangles), self.index_count)
         self.parts.append(vertices)
         self.vertices += len(vertices.positions)
-        self.indices += vertices.triangles.size
+        if base[1] == self.index_count:
+            self.triangles.append(vertices.triangles)
+            self.index_count += vertices.triangles.size
         return base
 
     def pool(self, constants: bool = False) -> Pool:
-        """``constants``: tangents and colors that are all the default are stored too."""
+        """The pool of the vertices added so far.  ``constants``: tangents and colors that are all the default are
+        stored too.
+        """
 
         def join(parts: list[Array], width: int, dtype=np.float32) -> Array:
             return np.concatenate([np.zeros((0, width), dtype), *parts]).astype(dtype, copy=False)
@@ -169,7 +175,7 @@ class _Builder:
             join([s.texcoords[0] for s in self.parts], 2),
             join([s.texcoords[1] for s in self.parts], 2),
             join([s.colors for s in variable("colors")], 4),
-            join([s.triangles for s in self.parts], 3, np.uint32).reshape(-1),
+            join(self.triangles, 3, np.uint32).reshape(-1),
         )
 
 

@@ -49,7 +49,9 @@ class RecordTable:
         self._replaces = np.isin(self._node, sorted(replacements))
 
     def place(self, state: FrameState, view: View, mirrored_posed: Array) -> Placement:
-        """``mirrored_posed`` (D,) bool: mirror of the skin or node of posed draws, whose own matrix is the identity."""
+        """Transforms of all draws in ``state``, relative to the camera of ``view``.  ``mirrored_posed`` (D,) bool:
+        mirror of the skin or node of posed draws, whose own matrix is the identity.
+        """
         world = state.world[self._node]
         for i, local in self._local.items():
             world[i] = world[i] @ local

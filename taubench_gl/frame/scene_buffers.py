@@ -119,7 +119,7 @@ class SceneBuffers:
         def key(i: int) -> tuple:
             d: Draw = self._draws[i]
             cull = culling and not materials.keys[d.material + 1].double_sided
-            return d.posed, d.material, cull, bool(placement.mirrored[i]), d.first_index
+            return d.posed, d.material, cull, bool(placement.mirrored[i]), d.base_vertex
 
         visible = sorted(np.flatnonzero(placement.visible).tolist(), key=key)
         commands = self._table[visible].copy()

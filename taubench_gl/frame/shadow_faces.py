@@ -103,7 +103,7 @@ class FaceTable:
         self.resolution = np.array([f.resolution for f in faces], dtype=np.int64)
 
     def keys(self) -> list[bytes]:
-        """Equal for faces with the same view volume."""
+        """Bytes of each face that are equal for faces with the same view volume."""
         volumes = np.concatenate(
             [self.origin, self.axes.reshape(-1, 9), self.half[:, None], self.near[:, None]], axis=1
         )

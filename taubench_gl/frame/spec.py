@@ -63,7 +63,7 @@ class AnimatedScene:
         self.poser = poser or Poser(scene, fps)
 
     def at_rate(self, fps: float) -> AnimatedScene:
-        """The same scene and camera, posed for a run of ``fps`` frames per second."""
+        """This scene with its camera, posed for a run of ``fps`` frames per second."""
         return self if self.poser.fps == fps else AnimatedScene(self.scene, self.camera, fps=fps)
 
     def view_at(self, time: float) -> View:

@@ -48,7 +48,7 @@ class Tuning:
 
     @property
     def shading_group(self) -> tuple[int, int]:
-        """Passes that read many channels.  llvmpipe keeps textures by scanline, GPUs in square tiles."""
+        """Work group of passes that read many channels: llvmpipe keeps textures by scanline, GPUs in square tiles."""
         return (32, 1) if self.software else (8, 8)
 
     @property

@@ -120,12 +120,12 @@ class Pass:
     fills: dict[str, tuple[Struct, Fill]] = field(default_factory=dict)
 
     def define(self, **values: object) -> Self:
-        """Macros; the names of those that are true are part of the variant's name."""
+        """Add macros; the names of those that are true are part of the variant's name."""
         self.defines |= values
         return self
 
     def glsl(self, *text: str | Struct) -> Self:
-        """GLSL that the shader needs before its own text."""
+        """Add GLSL that the shader needs before its own text."""
         for part in text:
             part = part.glsl if isinstance(part, Struct) else part
             if part not in self.text:
@@ -133,7 +133,7 @@ class Pass:
         return self
 
     def constants(self, name: str, struct: Struct, fill: Fill, *, count: int = 0) -> Self:
-        """A uniform block.  ``fill(frame)``: its values; ``count`` > 0: an array of so many records."""
+        """Add a uniform block.  ``fill(frame)``: its values; ``count`` > 0: an array of so many records."""
         self.glsl(struct)
         self.fills[name] = struct, fill
         return self.use(Use(CONSTANTS, name, struct.name, count=count, filled=True))
@@ -148,26 +148,26 @@ class Pass:
     def texture(
         self, name: str, kind: str = "sampler2D", *, resource: str = "", history: bool = False, filled: bool = False
     ) -> Self:
-        """A texture to read through a sampler; keywords as in ``Use``."""
+        """Add a texture to read through a sampler; keywords as in ``Use``."""
         return self.use(Use(TEXTURE, name, kind, READ, resource, history, filled))
 
     def image(
         self, name: str, form: str = "rgba32f", *, access: str = READ, resource: str = "", filled: bool = False
     ) -> Self:
-        """An image, whose texels are read or written one by one; keywords as in ``Use``."""
+        """Add an image, whose texels are read or written one by one; keywords as in ``Use``."""
         return self.use(Use(IMAGE, name, form, access, resource, filled=filled))
 
     def buffer(
         self, name: str, element: str | Struct, *, access: str = READ, resource: str = "", filled: bool = False
     ) -> Self:
-        """A shader storage buffer, an array of ``element``; keywords as in ``Use``."""
+        """Add a shader storage buffer, an array of ``element``; keywords as in ``Use``."""
         if isinstance(element, Struct):
             self.glsl(element)
             element = element.name
         return self.use(Use(BUFFER, name, element, access, resource, filled=filled))
 
     def allocate(self, *resources: Resource) -> Self:
-        """Resources that exist because of this pass."""
+        """Add resources that exist because of this pass: a frame that has it allocates them."""
         self.resources += resources
         return self
 
@@ -218,7 +218,9 @@ class ComputePass(Pass):
     each: int = 1  # invocations' worth of work along x that one invocation does
 
     def dispatch(self, invocations: tuple[int, int] | int, group: tuple[int, int] | int, each: int = 1) -> Self:
-        """``invocations``: pieces of work, one number or (columns, rows); ``group``: work-group size."""
+        """Set the size of the dispatch.  ``invocations``: pieces of work, one number or (columns, rows); ``group``:
+        work-group size.
+        """
         self.invocations = (invocations, 1) if isinstance(invocations, int) else invocations
         self.group = (group, 1) if isinstance(group, int) else group
         self.each = each
@@ -242,7 +244,9 @@ class RasterPass(Pass):
     drawn: list[Mapping[str, object]] = field(default_factory=list)  # macros of every variant that the scene needs
 
     def attachment(self, name: str, kind: str = "vec4", resource: str = "") -> Self:
-        """A render target; its location is the order of declaration.  The fragment shader has it as ``out_<name>``."""
+        """Add a render target; its location is the order of declaration.  The fragment shader has it as
+        ``out_<name>``.
+        """
         self.outputs.append((name, kind, resource or name))
         return self
 

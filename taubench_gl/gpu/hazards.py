@@ -27,7 +27,7 @@ class Hazards:
         self._unseen: dict[tuple[type, int], int] = {}
 
     def wrote(self, resources: Iterable[Any], *, drawn: bool = False) -> None:
-        """Textures and buffers that the last pass stored into, or drew into if ``drawn``."""
+        """Note textures and buffers that the last pass stored into, or drew into if ``drawn``."""
         for resource in resources:
             key = type(resource), resource.glo
             self._unseen[key] = self._unseen.get(key, 0) | (IMAGE_ACCESS if drawn else _EVERY)

@@ -77,8 +77,8 @@ def _expand(
     if len(chain) > MAX_INCLUDES:
         raise GraphicsError(f"shader {chain[0]} includes files more than {MAX_INCLUDES} deep")
     seen.add(entry)
-    for own, places, include in _parts(entry, read_source(entry, roots, chain[-1] if chain else "")):
-        lines += own
+    for text, places, include in _parts(entry, read_source(entry, roots, chain[-1] if chain else "")):
+        lines += text
         origin += places
         if include:
             _expand(include, roots, lines, origin, seen, (*chain, entry))
@@ -145,7 +145,7 @@ def read_source(entry: str, roots: tuple[Path, ...], by: str = "") -> str:
 
 @lru_cache(maxsize=256)
 def _read(path: Path, modified: int) -> str:
-    """``modified``: another version of a file is another text."""
+    """The text of a shader file, read once for each time at which it was ``modified``."""
     return read_text(path, GraphicsError, max_bytes=MAX_SOURCE_BYTES)
 
 
@@ -182,7 +182,9 @@ class ShaderCache:
         preamble: str = "",
         outputs: str = "",
     ) -> moderngl.Program:
-        """``outputs`` is GLSL text for the fragment stage alone (its ``out`` variables)."""
+        """The program of a vertex and a fragment stage.  ``outputs``: GLSL text for the fragment stage alone (its
+        ``out`` variables).
+        """
         key = ((vertex, fragment), tuple(sorted((defines or {}).items())), preamble + outputs)
         if key not in self._programs:
             v, f = resolve(vertex, defines, preamble), resolve(fragment, defines, f"{preamble}\n{outputs}")

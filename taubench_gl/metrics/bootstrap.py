@@ -23,7 +23,7 @@ RESAMPLES = 4999
 CONFIDENCE = 0.95
 MIN_BLOCKS = 4
 MIN_FRAMES = 2 * MIN_BLOCKS
-"""Fewer frames give no interval."""
+"""Least number of frames that have an interval."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,8 +41,8 @@ _MEMBER_TABLE = np.stack(list(_MEMBERS.values()), axis=-1)  # (words, counts): o
 class Counts:
     """Exact pixel counts of one pair."""
 
-    mask_histogram: np.ndarray  # (65536,) pixels per mask word; uint32 as read back, int64 once added
-    histograms: np.ndarray  # (5, bins) pixels per bin of each feature's distance
+    mask_histogram: np.ndarray  # (MASK_WORDS,) pixels per mask word; uint32 as read back, int64 once added
+    histograms: np.ndarray  # (features, HISTOGRAM_BINS) pixels per bin of each feature's distance
     other: np.ndarray | None = None  # as ``mask_histogram``, under the other reprojection; None: not counted
 
     def __add__(self, other: Counts) -> Counts:

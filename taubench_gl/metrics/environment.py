@@ -31,10 +31,9 @@ SEEN_HEIGHT = 1024
 
 @dataclass(frozen=True)
 class EnvironmentMaps:
-    """``seen`` (h, 2 h, 3): the radiance itself.
-
-    ``lobes`` (LOBE_LEVELS + 1, LOBE_HEIGHT, 2 LOBE_HEIGHT, 3): first the radiance that a white diffuse surface with
-    that normal reflects, then the prefiltered maps, by mirror direction.
+    """Maps of an environment image.  ``seen`` (h, 2 h, 3): the radiance itself.  ``lobes`` (LOBE_LEVELS + 1,
+    LOBE_HEIGHT, 2 LOBE_HEIGHT, 3): first the radiance that a white diffuse surface with that normal reflects, then the
+    prefiltered maps, by mirror direction.
     """
 
     seen: Array

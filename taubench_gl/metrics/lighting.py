@@ -22,7 +22,7 @@ class SpotLight(Protocol):
 
 
 MIN_LIGHT_DISTANCE = 1e-3
-"""Meters.  Distances to point and spot lights are clamped to at least this."""
+"""Least distance to point and spot lights, meters: smaller ones count as this."""
 
 
 LEAST_CONE = 1e-3

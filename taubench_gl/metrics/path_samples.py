@@ -62,7 +62,8 @@ def sample_table(first: int, count: int, seed: int = 0) -> Array:
 
 @lru_cache(maxsize=4)
 def part_table(first: int, count: int) -> Array:
-    """As ``sample_table``, of samples in PARTS parts with independent numbers: each part has a sequence of its own.
+    """Numbers as of ``sample_table``, for samples in PARTS parts with independent numbers: each part has a sequence of
+    its own.
 
     The first LEAST samples are the first ones of each part, one part after another; the samples from LEAST 2^k to
     LEAST 2^(k + 1) are as many more of each part.  The spread of means over the parts is the error of their mean, and

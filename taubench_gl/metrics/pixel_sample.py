@@ -46,7 +46,7 @@ class PixelStrata:
     @property
     def sizes(self) -> Array:
         """Pixels of each stratum.  (strata,) int64."""
-        return np.array([len(own) for own in self.order])
+        return np.array([len(indices) for indices in self.order])
 
     def counts(self, density: Array, count: int) -> Array:
         """How many of about ``count`` pixels each stratum has: by size times ``density`` (strata,), at least one of a
@@ -58,7 +58,7 @@ class PixelStrata:
     def take(self, visit: int, counts: Array) -> tuple[Array, Array]:
         """Pixels of one visit, flat indices (n,) and their strata (n,): ``counts`` of each stratum that no visit before
         has had.  ``visit``: 0, 1, ...; a stratum that is used up gives fewer."""
-        parts = [own[visit * n : (visit + 1) * n] for own, n in zip(self.order, counts, strict=True)]
+        parts = [indices[visit * n : (visit + 1) * n] for indices, n in zip(self.order, counts, strict=True)]
         return np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
 
 

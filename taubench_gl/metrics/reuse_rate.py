@@ -79,7 +79,9 @@ def unmeasured_rate(reason: str) -> dict[str, Any]:
 
 
 class ReuseStats:
-    """Adds pairs up.  ``unmeasured``: column of Table 4 -> why it was not measured."""
+    """Adds up the reusable and discarded pixels of pairs.  ``unmeasured``: column of Table 4 -> why it was not
+    measured.
+    """
 
     def __init__(self, unmeasured: Mapping[str, str]):
         self.missing = unmeasured_rates(unmeasured)
@@ -146,7 +148,7 @@ class ReuseStats:
         return out
 
     def rates(self, cuts: Array, weights: Array | None = None) -> dict[str, Any]:
-        """Rate -> its entry in ``block``.  Arguments as there."""
+        """Rate -> its entry in ``block``.  ``cuts``, ``weights``: as of ``block``."""
         weights = np.ones(len(self._pixels)) if weights is None else weights
         return {rate: self._rate(rate, cuts, weights) for rate in RATES}
 

@@ -176,7 +176,7 @@ class Visit:
     samples: int  # of all pixels, of each of the two frames
 
     def record(self) -> dict[str, Any]:
-        """The estimate as JSON values, from which it is read back without loss."""
+        """The visit as JSON values, from which ``of_record`` reads it back without loss."""
         out = {name: getattr(self, name) for name in self.__slots__}
         arrays = {name: out[name].tolist() for name in _KINDS}
         return out | arrays | {"curves": {column: curve.tolist() for column, curve in self.curves.items()}}
@@ -382,7 +382,7 @@ class LightEstimate:
         """Number of light samples of all pixels in both frames."""
         return 2 * sum(visit.samples for visits in self.visits.values() for visit in visits)
 
-    def amend(self, summary: dict[str, Any], intervals: Mapping[tuple[str, ...], Interval]) -> None:
+    def write_estimates(self, summary: dict[str, Any], intervals: Mapping[tuple[str, ...], Interval]) -> None:
         """Replace the preview's shares in ``summary`` by estimates, with intervals and the preview beside them."""
         every = [visit for visits in self.visits.values() for visit in visits]
         pixels = sum(len(visit.stratum) for visit in every)

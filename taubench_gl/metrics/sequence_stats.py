@@ -34,7 +34,8 @@ EXPOSURE_FACTORS = {"at_half_exposure_percent": 0.5, "at_twice_exposure_percent"
 
 
 class SequenceStats:
-    """Accumulates pairs.  ``measured``: the columns that were computed; the others are reported as ``null``.
+    """Accumulates the counts of pairs.  ``measured``: the columns that were computed; the others are reported as
+    ``null``.
 
     ``other``: of the other reprojection, as of ``Source``.
     """

@@ -52,7 +52,7 @@ def _counts(results: Sequence[SceneResult]) -> Table:
     columns = tuple(Column(CENSUS[key].label, definition=CENSUS[key].tooltip) for key in COUNTS)
     notes = ["bones per armature: the paper gives 52; ours: " + (", ".join(bones) or "no armature")]
     values = [(("census", key), ("census", key)) for key in COUNTS]
-    return _beside(1, "Animation details", columns, results, "counts", values, notes)
+    return _compared(1, "Animation details", columns, results, "counts", values, notes)
 
 
 def _position(results: Sequence[SceneResult]) -> Table:
@@ -60,7 +60,7 @@ def _position(results: Sequence[SceneResult]) -> Table:
     columns = tuple(camera_column("position", key, key, "m") for key in POSITION)
     values = [(("camera", "position", key), ("position", key)) for key in POSITION]
     notes = [f"At {CAMERA_FPS:g} frames a second, the paper's capture rate: it does not state the rate of this table."]
-    return _beside(2, "Change in the camera's position per frame", columns, results, "camera position", values, notes)
+    return _compared(2, "Change in the camera's position per frame", columns, results, "camera position", values, notes)
 
 
 def _rotation(results: Sequence[SceneResult]) -> Table:
@@ -69,10 +69,10 @@ def _rotation(results: Sequence[SceneResult]) -> Table:
         camera_column(axis, key, f"{axis} {key[:3] if key == 'variance' else key}", "deg") for axis, key in ROTATION
     )
     values = [(("camera", axis, key), ("rotation", f"{axis}_{key}")) for axis, key in ROTATION]
-    return _beside(3, "Change in the camera's rotation per frame", columns, results, "camera rotation", values)
+    return _compared(3, "Change in the camera's rotation per frame", columns, results, "camera rotation", values)
 
 
-def _beside(
+def _compared(
     number: int,
     title: str,
     columns: tuple[Column, ...],

@@ -225,7 +225,7 @@ _Explained = dict[str, dict[int, bool]]
 
 def _search(files: Files, left: Sequence[Reading], limit_px: float) -> _Checked:
     """The simplest combination of the readings ``left`` with those of motion that explains the files."""
-    motion, starts = motion_readings(files.sequence.mapping), [] if files.some.motion is None else files.starts
+    motion, starts = motion_readings(files.sequence.mapping), [] if files.any_frame.motion is None else files.starts
     bases: _Explained = {}
     total = []
     for basis in files.bases:
@@ -286,9 +286,9 @@ class _Checked:
 
     def result(self, verdicts: list[Verdict]) -> Check:
         """The check with the verdicts on motion and on its classes."""
-        if self.files.some.motion is None or not self.files.starts:
+        if self.files.any_frame.motion is None or not self.files.starts:
             why = "there is no motion pass" if self.files.starts else "no two frames are consecutive"
-            classes = () if self.files.some.motion is None else (ClassVerdict("vectors", NOT_JUDGED, why, 1.0),)
+            classes = () if self.files.any_frame.motion is None else (ClassVerdict("vectors", NOT_JUDGED, why, 1.0),)
             return Check((*verdicts, *_skipped((*MOTION, *_OTHERS), why)), self.best, classes=classes)
         pairs = [pair for first in self.files.starts if (pair := self.vectors(first)) is not None]
         for pair in pairs:
@@ -348,7 +348,7 @@ class _Checked:
         if max(abs(x), abs(y), spread) <= CENTERED_PX:
             return Verdict("centers", "ok", "positions are those of pixel centers")
         if spread > CENTERED_PX:
-            why = "rounded to half floats" if self.files.some.half_position else "filtered"
+            why = "rounded to half floats" if self.files.any_frame.half_position else "filtered"
             text = f"positions lie beside the pixel centers, each by another offset (median {spread:.2g} px): {why}"
             return Verdict("centers", "note", text)
         text = f"positions are {x:+.2f}, {y:+.2f} px off the pixel centers"
@@ -388,7 +388,7 @@ class _Checked:
 
     def depth(self) -> Verdict:
         """How the depth of all files follows from positions, or, without them, which kind motion shows."""
-        files, kind = self.files, self.files.some.depth_kind
+        files, kind = self.files, self.files.any_frame.depth_kind
         if not self.files.positions:
             return self.verdict("depth")
         stored, planar, distance = [], [], []
@@ -403,7 +403,7 @@ class _Checked:
             return Verdict("depth", "not checked", "there is no depth pass, or no surface")
         stored, planar, distance = map(np.concatenate, (stored, planar, distance))
         slack = max((3.0 * cams.rounding_m(f) for f in files.frames.values() if f.half_position), default=0.0)
-        kinds, offset = {"planar": planar, "distance": distance}, files.some.depth_offset * self.best.factor
+        kinds, offset = {"planar": planar, "distance": distance}, files.any_frame.depth_offset * self.best.factor
         return _depth_verdict(stored, kinds, kind, offset, slack)
 
     def vectors(self, first: int) -> PairVectors | None:
@@ -430,8 +430,8 @@ class _Checked:
         jitter = np.zeros(2)
         if len(off) and _explained(off, MIN_JITTER_PX, shifted=True) >= ENOUGH:
             jitter += _offset(off)[0] * (np.abs(_offset(off)).max() > MIN_JITTER_PX)
-        given = {"stored": read, "corrected": right - jitter, "still": still, "truth": truth, "far": None}
-        images = {name: files.image(samples, values) for name, values in given.items()}
+        vectors = {"stored": read, "corrected": right - jitter, "still": still, "truth": truth, "far": None}
+        images = {name: files.image(samples, values) for name, values in vectors.items()}
         pair = PairVectors(current, files.sequence.size, **images, jitter_px=jitter)
         self._add_sky(pair, frame, *(files.view(number, best) for number in files.pair(first, best)))
         return pair

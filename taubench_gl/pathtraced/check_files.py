@@ -106,14 +106,14 @@ class Files:
             self.few[number] = Samples.of(frame, use, _SEARCHED)
 
     @property
-    def some(self) -> PathTracedFrame:
+    def any_frame(self) -> PathTracedFrame:
         """The first file's frame: all files have the same passes."""
         return next(iter(self.frames.values()))
 
     @cached_property
     def truth(self) -> Mapping[int, SceneTruth]:
         """What the scene shows in each frame; empty if it is not known or there are no vectors."""
-        return {} if self.render is None or self.some.motion is None else self.render(self.frames)
+        return {} if self.render is None or self.any_frame.motion is None else self.render(self.frames)
 
     @staticmethod
     def steps(reading: Reading) -> int:
@@ -139,12 +139,12 @@ class Files:
     @property
     def positions(self) -> bool:
         """Whether there is a position pass."""
-        return self.some.position is not None
+        return self.any_frame.position is not None
 
     @property
     def geometry(self) -> bool:
         """Whether surface points are known: there is a position or a depth pass."""
-        return self.positions or self.some.depth is not None
+        return self.positions or self.any_frame.depth is not None
 
     @property
     def fitted(self) -> bool:
@@ -154,7 +154,7 @@ class Files:
     @property
     def bases(self) -> tuple[str, ...]:
         """What vectors can be compared with, the best first."""
-        there = {SCENE: bool(self.truth), PREVIOUS: self.some.prev_position is not None, STILL: self.geometry}
+        there = {SCENE: bool(self.truth), PREVIOUS: self.any_frame.prev_position is not None, STILL: self.geometry}
         return tuple(basis for basis in BASES if there[basis])
 
     def view(self, number: int, reading: Reading) -> View | None:
@@ -193,8 +193,8 @@ class Files:
         """Surface points, relative to the camera of ``view``, world axes, (N, 3) meters; no ``position``: of depth."""
         mapping = self.sequence.mapping
         if position is None:
-            depth, kind = samples.depth * reading.factor, reading.depth or self.some.depth_kind
-            offset = self.some.depth_offset * reading.factor
+            depth, kind = samples.depth * reading.factor, reading.depth or self.any_frame.depth_kind
+            offset = self.any_frame.depth_offset * reading.factor
             return points_at(view, self.pixels(samples, reading), depth, kind, self.sequence.size, offset)
         points = self.turned(position * reading.factor, reading)
         space = reading.positions or mapping.positions
@@ -246,7 +246,7 @@ class Files:
 
     def image(self, samples: Samples, values: Array | None, components: int = 2) -> Array:
         """``values`` (N, components) at their pixels, (h * w, components); NaN elsewhere, everywhere for None."""
-        out = np.full((self.some.sky.size, components), np.nan)
+        out = np.full((self.any_frame.sky.size, components), np.nan)
         if values is not None:
             out[samples.at] = values
         return out

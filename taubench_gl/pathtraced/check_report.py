@@ -65,8 +65,8 @@ def check_tables(summary: Summary) -> list[Table]:
         status, text, name = verdict["status"], verdict["text"], verdict["convention"]
         name = _LABELS.get(name, name)
         if others := verdict["equivalent"]:
-            more = f"; and {len(others) - _MOST} more" * (len(others) > _MOST)
-            text += f"; equivalent: {'; or '.join(others[:_MOST])}{more}"
+            further = f"; and {len(others) - _MOST} more" * (len(others) > _MOST)
+            text += f"; equivalent: {'; or '.join(others[:_MOST])}{further}"
         if status == "wrong":
             lead.append(f"{name}: {text}")
         short = status == "wrong" or (status == "ok" and len(text) <= _SHORT)

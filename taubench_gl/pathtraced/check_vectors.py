@@ -165,7 +165,7 @@ def tolerance(expected: Array) -> Array:
 
 
 def overall(answers: Collection[str]) -> str:
-    """Of the ANSWERS on all parts, that on the whole: wrong if any is, else not judged if any is, else right."""
+    """The answer on the whole from those on all parts: wrong if any is, else not judged if any is, else right."""
     return next((answer for answer in (WRONG, NOT_JUDGED) if answer in answers), RIGHT)
 
 
@@ -218,7 +218,7 @@ def _judged(name: str, pairs: Sequence[PairVectors], masks: Sequence[Array], exp
     if sum(map(np.count_nonzero, masks)) < FEW_PIXELS:
         return None
     used = [(p, m, getattr(p, expected)) for p, m in zip(pairs, masks, strict=True) if m.any()]
-    read, right = ([p.near(e, getattr(p, given))[m] for p, m, e in used] for given in ("stored", "corrected"))
+    read, right = ([p.near(e, getattr(p, reading))[m] for p, m, e in used] for reading in ("stored", "corrected"))
     shares = (_share(masks, pairs), 1.0, *(float(np.concatenate(each).mean()) for each in (read, right)))
     wrong = [(p, m & ~p.near(e)) for p, m, e in used]
     bad = [w for w, near in zip(wrong, right, strict=True) if near.size >= FEW_PIXELS and near.mean() < MOST]

@@ -27,7 +27,7 @@ from taubench_gl.outputs import write_atomically
 
 Array = np.ndarray
 Window = tuple[int, int, int, int]
-"""x0, y0, x1, y1 in pixels, both ends included, +y down, as OpenEXR stores it."""
+"""A window of an image: x0, y0, x1, y1 in pixels, both ends included, +y down, as OpenEXR stores it."""
 
 MAGIC = b"\x76\x2f\x31\x01"
 _NON_IMAGE_FLAG = 1 << 11  # version field, bit 11: the file holds deep data
@@ -56,7 +56,8 @@ class ExrImage:
         return tuple(self._planes)
 
     def plane(self, name: str) -> Array:
-        """(h, w) float32 over the display window; NaN outside the data window.  uint is converted to float.
+        """Values of the channel ``name``, (h, w) float32 over the display window; NaN outside the data window. uint is
+        converted to float.
 
         Raises PathTracedError for a subsampled channel, which has no value for every pixel.
         """

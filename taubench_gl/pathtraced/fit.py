@@ -16,7 +16,7 @@ Array = np.ndarray
 MAX_POINTS = 20_000
 MIN_POINTS = 32
 MAX_MEDIAN_PX = 0.25
-"""Largest accepted median residual.  Lens distortion, shift, orthographic cameras and other spaces exceed it."""
+"""Largest accepted median residual, pixels.  Distortion, shift, orthographic cameras and other spaces exceed it."""
 
 _ROUNDS, _STEPS = 3, 8
 
@@ -95,7 +95,9 @@ Guess = tuple[Array, Array, float]
 
 
 def _from_depth(points: Array, screen: Array, depth: Array) -> Guess:
-    """P = c + z R (t x, t y, -1): linear in R diag(t, t, 1) and c."""
+    """First guess from planar depth z: P = c + z R (t x, t y, -1) is linear in R diag(t, t, 1) and c.  Points in a
+    plane: ``_from_plane``.
+    """
     rays = np.column_stack([screen, -np.ones(len(screen))]) * depth[:, None]
     solution, _, rank, _ = np.linalg.lstsq(np.column_stack([rays, np.ones(len(rays))]), points, rcond=1e-9)
     if rank < 4:  # all points lie in one plane
@@ -106,7 +108,9 @@ def _from_depth(points: Array, screen: Array, depth: Array) -> Guess:
 
 
 def _from_plane(points: Array, rays: Array) -> Guess:
-    """The best of fixed fields of view: rigid alignment of unprojected depths with the points (Kabsch 1976)."""
+    """First guess from points in a plane, the best of fixed fields of view: rigid alignment of unprojected depths with
+    the points (Kabsch 1976).
+    """
     best: tuple[float, Guess] | None = None
     center = points.mean(axis=0)
     for tangent in np.geomspace(0.02, 10.0, 160):
@@ -120,7 +124,7 @@ def _from_plane(points: Array, rays: Array) -> Guess:
 
 
 def _from_points(points: Array, screen: Array) -> Guess:
-    """Direct linear transform: x = (a P) / (c P), y = (b P) / (c P), homogeneous rows a, b, c."""
+    """First guess by direct linear transform: x = (a P) / (c P), y = (b P) / (c P), homogeneous rows a, b, c."""
     scale = float(np.abs(points).max()) or 1.0
     thinned = slice(None, None, max(1, len(points) // 4000))
     p = np.column_stack([points[thinned] / scale, np.ones(len(points[thinned]))])
@@ -153,7 +157,9 @@ def _project(guess: Guess, points: Array) -> Array:
 
 
 def _refine(guess: Guess, points: Array, screen: Array) -> Guess:
-    """Gauss-Newton with the analytic Jacobian, in view axes: rotation w, translation d, log tangent."""
+    """Improve a guess by Gauss-Newton with the analytic Jacobian, in view axes: rotation w, translation d, log
+    tangent.
+    """
     for _ in range(_STEPS):
         rotation, origin, tangent = guess
         view = (points - origin) @ rotation

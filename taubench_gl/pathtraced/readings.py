@@ -78,14 +78,14 @@ def geometry_values(mapping: PassMap, positions: bool, camera: str) -> dict[str,
 
 
 def geometry_readings(values: Mapping[str, Iterable[str]]) -> list[Reading]:
-    """No, one and two corrections, the simplest first."""
+    """Readings with no, one and two corrections among ``values``, the simplest first."""
     single = [{name: value} for name, choices in values.items() for value in choices]
     pairs = [a | b for a, b in itertools.combinations(single, 2) if not a.keys() & b.keys()]
     return [Reading(**values) for values in ({}, *single, *pairs)]
 
 
 def motion_readings(mapping: PassMap) -> list[Reading]:
-    """All combinations of the values of MOTION, the simplest first."""
+    """Readings with all combinations of the values of MOTION, the simplest first."""
     values = {name: ["", *(v for v in TEXTS[name] if v != value_in(mapping, name))] for name in MOTION}
     if mapping.motion.unit != "px":  # the same as half, and as double
         values["unit"].remove("ndc" if mapping.motion.unit == "uv" else "uv")

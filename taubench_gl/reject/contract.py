@@ -82,8 +82,8 @@ def load_test(source: str) -> RejectionTest:
     """
     names = source.split("+")
     if len(names) == 1:
-        return _one(source)
-    parts = tuple(_one(name) for name in names)
+        return _load_single(source)
+    parts = tuple(_load_single(name) for name in names)
     kind = "color" if any(part.kind == "color" for part in parts) else "geometry"
     title = "any of " + ", ".join(part.name for part in parts)
     return RejectionTest("+".join(p.name for p in parts), title, kind, "thresholds of its parts", 1.0, parts=parts)
@@ -101,7 +101,7 @@ def load_tests(sources: Sequence[str]) -> tuple[RejectionTest, ...]:
     return tests
 
 
-def _one(source: str) -> RejectionTest:
+def _load_single(source: str) -> RejectionTest:
     name, equals, text = source.strip().partition("=")
     path = BUILTIN / name if name in builtin_tests() else Path(name)
     if not name or not (path / FILE).is_file():

@@ -38,7 +38,7 @@ def check_recall(recall: float) -> None:
 
 
 def fitted(found: Rejection, recall: float) -> dict[str, Any]:
-    """Of every test the largest threshold whose recall is at least ``recall``, and its rates; JSON values.
+    """Test -> the largest threshold whose recall is at least ``recall``, and its rates; JSON values.
 
     Raises SettingsError.
     """

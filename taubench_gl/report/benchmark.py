@@ -46,7 +46,7 @@ FINE = 16
 
 
 def benchmark_tables(summary: Summary) -> list[Table]:
-    """Rankings by track, speeds, FLIP by difficulty and by pixel class, and the cases."""
+    """Tables of rankings by track, of speeds, of FLIP by difficulty and by pixel class, and of the cases."""
     return [table for tables in benchmark_sections(summary).values() for table in tables]
 
 

@@ -33,7 +33,9 @@ WIDTH = 150
 
 
 def answer(study: Study) -> list[str]:
-    """Three recommendations; where the preview is enough, and from when on deciding wins; what the truth is."""
+    """Lines that answer the study: three recommendations; where the preview is enough, and from when on deciding wins;
+    what the truth is.
+    """
     return [*map(_recommendation, study["recommendations"]), *_words(study), _truth(study)]
 
 
@@ -88,7 +90,7 @@ def _seconds(value: float) -> str:
 
 
 def cost_tables(study: Study) -> list[Table]:
-    """All configurations, the Pareto front marked; and their columns."""
+    """Tables of all configurations, with the Pareto front marked, and of their columns."""
     return [_configurations(study), _columns(study)]
 
 
@@ -112,7 +114,7 @@ def _configurations(study: Study) -> Table:
 
 
 def _columns(study: Study) -> Table:
-    """Percent of each column, of the truth with its half width."""
+    """The table of what each configuration says of each column, percent; of the truth with its half width."""
     names = list(study["truth"]["columns"])
     heads = tuple(Column(name, "%", 2) for name in names)
     truth = study["truth"]["columns"]

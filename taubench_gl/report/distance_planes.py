@@ -52,7 +52,7 @@ DETAIL = (
     Detail(2, 16, 8), Detail(2, 16, 4), Detail(2, 16, 2), Detail(2, 16, 1), Detail(1, 16, 1), Detail(1, 8, 1),
     Detail(1, 4, 1), Detail(0, 0, 1), Detail(0, 0, 0),
 )  # fmt: skip
-"""From all levels to the threshold alone, which is as large as the mask.  Each step keeps a part of those before."""
+"""Steps from all levels to the threshold alone, which is as large as the mask; each keeps a part of the one before."""
 
 
 @dataclass(frozen=True, slots=True)

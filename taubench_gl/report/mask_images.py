@@ -123,7 +123,7 @@ def _gray(base: Array | None, shape: tuple[int, int]) -> Array:
 
 
 def as_bytes(image: Array) -> Array:
-    """(h, w, 3) float in [0, 1], NaN as black -> uint8; uint8 as it is."""
+    """``image`` (h, w, 3) as uint8: floats in [0, 1], NaN as black; uint8 as it is."""
     image = np.asarray(image)
     if image.dtype == np.uint8:
         return image

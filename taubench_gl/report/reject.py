@@ -36,7 +36,7 @@ _LINES = ("-", "--", ":", "-.")
 
 
 def reject_tables(summary: Summary) -> list[Table]:
-    """Scores by each truth, confusion counts, then precision and recall by stratum."""
+    """Tables of scores by each truth, of confusion counts, then of precision and recall by stratum."""
     names = list(next(iter(summary["tests"].values()))["scores"])
     tables = [_scores(summary, i + 1, name) for i, name in enumerate(names)]
     tables.append(_confusion(summary))
@@ -148,7 +148,7 @@ def plot_reject(summary: Summary, folder: Path) -> list[Path]:
 
 
 def reject_html(summary: Summary, images: Mapping[str, bytes]) -> str:
-    """The page.  ``images``: title -> PNG."""
+    """The page of an evaluation of rejection tests, one file of HTML.  ``images``: title -> PNG."""
     name = summary["scene"]["name"]
     page = Page(f"{name}: rejection tests", heading=name, intro=(text_lines(reject_notes(summary)),))
     for title, data in images.items():

@@ -24,12 +24,15 @@ _MOST_REASONS = 6
 
 
 def run_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
-    """Reusable pixels and the reasons of the others, Tables 1 to 4 (``paper_tables``), exact reasons if any."""
+    """All tables of runs: reusable pixels and the reasons of the others, Tables 1 to 4 (``paper_tables``), exact
+    reasons if any.
+    """
     return [*reusable_tables(summaries), *paper_tables(summaries, paper), *exact_tables(summaries)]
 
 
 def short_tables(summaries: Sequence[Summary]) -> list[Table]:
-    """One screen: reusable pixels, the reasons of the others, Table 4 without the paper's rows, exact reasons if any.
+    """The tables that fit one screen: reusable pixels, the reasons of the others, Table 4 without the paper's rows,
+    exact reasons if any.
 
     Every fact stands once.
     """

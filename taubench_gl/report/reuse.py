@@ -108,7 +108,9 @@ _BOUND_NOTE = (
 
 
 def reuse_tables(summary: Summary) -> list[Table]:
-    """Quality; reuse, time and memory; error by pixel class.  Failed methods are rows of dashes with the reason."""
+    """Tables of quality, of reuse, time and memory, and of error by pixel class.  Failed methods are rows of dashes
+    with the reason.
+    """
     methods, measures = summary["methods"].items(), summary["measures"]
     columns = tuple(replace(column, definition=measures[name]["doc"]) for name, column in _QUALITY.items())
     rows = tuple(_row(label, method, "mean", _QUALITY) for label, method in methods)
@@ -295,7 +297,7 @@ def _gains(method: Mapping[str, Summary], base: Mapping[str, Summary]) -> list[t
     """
     measure = next((m for m in ("flip", "relmse") if any(m in entry for entry in base.values())), None)
     values = {
-        name: [entry["percent"] * (of.get(name) or {}).get(measure, 0.0) for of in (base, method)]
+        name: [entry["percent"] * (block.get(name) or {}).get(measure, 0.0) for block in (base, method)]
         for name, entry in base.items()
         if name != "not_classified" and entry["pixels"]
     }

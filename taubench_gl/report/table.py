@@ -157,7 +157,7 @@ def to_rich(table: Table) -> Any:
 
 
 def to_text(tables: Sequence[Table], width: int = 120) -> str:
-    """Plain text without color, ``width`` columns wide, at least MIN_WIDTH."""
+    """The tables as plain text without color, ``width`` columns wide, at least MIN_WIDTH."""
     from rich.console import Console
 
     console = Console(file=io.StringIO(), width=max(width, MIN_WIDTH), color_system=None, force_terminal=False)
@@ -167,7 +167,7 @@ def to_text(tables: Sequence[Table], width: int = 120) -> str:
 
 
 def to_markdown(tables: Sequence[Table]) -> str:
-    """GitHub-flavoured Markdown."""
+    """The tables as GitHub-flavored Markdown."""
 
     def cell(text: str) -> str:
         return text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;")

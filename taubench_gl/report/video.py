@@ -24,7 +24,7 @@ class Video:
     """
 
     def __init__(self, path: Path, fps: float, kind: str = "mp4"):
-        """Raises OutputError without the package imageio-ffmpeg."""
+        """A video at ``path`` of ``fps`` images per second.  Raises OutputError without the package imageio-ffmpeg."""
         try:
             import imageio_ffmpeg
         except ImportError:
@@ -36,7 +36,7 @@ class Video:
         self._writer: Any = None
 
     def add(self, image: Array) -> None:
-        """(h, w, 3) uint8; odd sizes are padded with a black row or column, as 4:2:0 needs.
+        """Add an image, (h, w, 3) uint8; odd sizes are padded with a black row or column, as 4:2:0 needs.
 
         Raises OutputError, also for an image of another size than the first.
         """

@@ -22,7 +22,7 @@ from taubench_gl.reuse.python_method import PythonSteps
 from taubench_gl.reuse.reshade import RESHADED
 
 LINK = ">"
-"""Between the names of a chain."""
+"""Text between the names of the methods of a chain."""
 
 SHADED = {*COMPOSED, *NEEDS, *RESHADED} - {"emitted"}
 """Inputs of the light of a frame, besides ``radiance``."""
@@ -92,12 +92,12 @@ class ChainSteps(GpuOwner):
             self._textures = {name: self.own(input_texture(gpu, name, size)) for name in names}
 
     def clear(self) -> None:
-        """The next frame is the first."""
+        """Forget all history: the next frame is the first."""
         self._first.clear()
         self._second.clear()
 
     def run(self, frame: FrameInputs, values: Mapping[str, Value], has_history: bool) -> moderngl.Texture:
-        """The result of the second for that of the first."""
+        """The result of the second method, whose input is the result of the first, for one frame."""
         first, second = self._values_by_method(values)
         resources = {"result": self._first.run(frame, first, has_history), "position": frame.textures["position"]}
         resources |= {f"{name}_out": texture for name, texture in self._textures.items()}

@@ -29,7 +29,7 @@ from taubench_gl.settings import Settings
 
 SIZE, FRAMES, CUT_AT, NOISE = (96, 54), 12, 8, 0.3
 EVERY = 4
-"""Of methods that generate frames: one of this many is rendered, so that they run at phases 0, 1/4, 1/2 and 3/4."""
+"""Frames from one rendered frame to the next for methods that generate frames, which run at phases 0, 1/4 .. 3/4."""
 
 _TEMPLATE = PACKAGE / "reuse" / "template"
 
@@ -120,7 +120,7 @@ def lit_scene() -> Scene:
     moves = [(camera, "translation", "LINEAR", [(0.0, 1.2, 3.0), (0.6, 1.2, 3.0)])]
     moves += [(lamps[0], "translation", "LINEAR", [places[0], (1.5, 1.5, 0.5)])]
     moves += [(lamps[3], "scale", "STEP", [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0)])]
-    channels = [Channel("node", n, path, how, times / 4, np.array(rows)) for n, path, how, rows in moves]
+    channels = [Channel("node", n, path, mode, times / 4, np.array(rows)) for n, path, mode, rows in moves]
     colors = [(1.0, 0.6, 0.4), (0.4, 0.6, 1.0), (1.0, 1.0, 1.0), (0.3, 1.0, 0.3)]
     return Scene(
         "lamps", nodes.nodes(), (plane,), (Material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=0.7),),

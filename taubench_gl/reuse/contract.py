@@ -54,8 +54,8 @@ FORMATS: dict[str, Format] = {
 
 RESULT = "result"
 RESULT_FORMAT = FORMATS["rgba32f"]
-"""rgb: linear radiance, exposure applied.  a: weight of history in the pixel, 0 .. 1, or -1 where the method does not
-report it (``write_result(p, vec3)``)."""
+"""Format of a result. rgb: linear radiance, exposure applied. a: weight of history in the pixel, 0 .. 1, or -1 where
+the method does not report it (``write_result(p, vec3)``)."""
 
 REPORTS: dict[str, str] = {
     "reprojected_history": "rgb: the color history as it was fetched along the motion, before any rectification; "

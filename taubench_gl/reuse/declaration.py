@@ -27,6 +27,7 @@ from taubench_gl.reuse.contract import (
     MAX_REPEAT,
     MAX_WRITES,
     MIN_BLOCK,
+    REFERENCE_INPUT,
     REPORTS,
     RESULT,
     RESULT_FORMAT,
@@ -202,12 +203,14 @@ class _Declaration:
         self.reads = self.names("reads", declared.reads, list(INPUTS))
         if not declared.reads and not own_light:
             self.fault("reads", f"must be a list of names (available: {', '.join(INPUTS)})")
+        if declared.generates and REFERENCE_INPUT in self.reads:
+            self.fault("reads", "a method that generates frames gets no 'reference', by which it is scored")
         self.settings: dict[str, Parameter] = {}
 
-    def method(self, origin: str, shaders: Collection[str] | None = None, **rest: Any) -> Method:
+    def method(self, origin: str, shaders: Collection[str] | None = None, **kind_fields: Any) -> Method:
         """The method.  Raises MethodError at ``origin``.
 
-        ``shaders``: files of its passes, None for a method in Python; ``rest``: fields that one kind of methods has.
+        ``shaders``: files of its passes, None for a method in Python; ``kind_fields``: of one kind of methods.
         """
         stages = tuple(self.stage(name, entry, shaders) for name, entry in self._declared.stages.items())
         if self.errors:
@@ -223,7 +226,7 @@ class _Declaration:
             stages=stages,
             upscales=self.upscales,
             generates=self._declared.generates,
-            **rest,
+            **kind_fields,
         )
 
     def fault(self, key: str, message: str) -> None:

@@ -342,7 +342,7 @@ class _Evaluator:
         for run in self.runs:
             run.record.warmup = self.warmup
             run.record.parts.most_bytes = KEPT_REFERENCE_BYTES // len(self.runs) if request.seeds > 1 else 0
-        self._require(any(run.method is not None for run in self.runs))  # before anything is rendered
+        self._require_methods(any(run.method is not None for run in self.runs))  # before anything is rendered
         if self._settings.metrics.history == "both" and not any(run.asks_for_eye for run in self.runs):
             what = f"no method reads {', '.join(EYE_INPUTS)}"
             raise SettingsError(what, hint="give --history frame or eye", setting="history")
@@ -371,8 +371,8 @@ class _Evaluator:
         for run in self.runs:
             owner.own(run)
         self._open_runners(self.seeds[0])
-        given = {spec.label for spec in specs}  # beside which the last rendered frame can stand
-        self._require(any(run.spec.label in given for run in self.running))
+        requested = {spec.label for spec in specs}  # beside which the last rendered frame can stand
+        self._require_methods(any(run.spec.label in requested for run in self.running))
         self._mask_source = "exact" if self._inputs.exact_mask is not None else "geometry"
         for run in self.runs:
             run.record.exact_mask, run.record.in_turn = self._mask_source == "exact", self._inputs.in_turn
@@ -401,9 +401,9 @@ class _Evaluator:
         """The methods that have not failed."""
         return [run for run in self.runs if run.runner is not None]
 
-    def _require(self, some: bool) -> None:
-        """Raise MethodError with the failures of all methods unless ``some`` method is left."""
-        if not some:
+    def _require_methods(self, left: bool) -> None:
+        """Raise MethodError with the failures of all methods if no method is ``left``."""
+        if not left:
             raise MethodError("; ".join(str(run.record.failed) for run in self.runs if run.record.failed))
 
     def _check_frames(self) -> None:
@@ -598,7 +598,7 @@ class _Evaluator:
         width, height = self._inputs.output_size
         scene, settings = self._input_request.scene, self._settings.replace(width=width, height=height)
         clock = PassTimer.clock
-        methods = {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs}
+        methods = {run.spec.label: run.entry | run.record.summary() | self._samples_block(run) for run in self.runs}
         if self._generates:
             add_generated(methods, self._request.render_every, settings.sequence.fps)
         described = self._inputs.describe()
@@ -629,7 +629,7 @@ class _Evaluator:
             "sample_reasons": {name: doc for name, (*_, doc) in REASONS.items()},
         }  # fmt: skip
 
-    def _of_samples(self, run: _MethodRun) -> dict[str, Any]:
+    def _samples_block(self, run: _MethodRun) -> dict[str, Any]:
         """The block of a method that samples lights."""
         measured = run.samples is not None and run.record.failed is None
         return {"samples": run.samples.summary()} if measured else {}

@@ -37,7 +37,7 @@ Array = np.ndarray
 
 GAP = 4
 MIN_CELL = 200
-"""Narrower cells are enlarged by an integer factor."""
+"""Width of a cell in pixels below which all are enlarged by an integer factor."""
 
 _BACK = (24, 24, 24)
 _CROP_SHARE = 4

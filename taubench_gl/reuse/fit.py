@@ -53,7 +53,7 @@ class Range:
 
     @property
     def values(self) -> tuple[float, ...]:
-        """In ascending order; integers without duplicates."""
+        """The values of the setting in ascending order; integers without duplicates."""
         if self.steps == 1:
             return (self.low,)
         between = np.geomspace if self.scale == "log" else np.linspace
@@ -64,7 +64,7 @@ class Range:
         return tuple(float(v) for v in values)
 
     def around(self, value: float) -> Range:
-        """The same number of values between the neighbors of ``value``."""
+        """A range with the same number of values between the neighbors of ``value``."""
         grid = self.values
         at = grid.index(value)
         return Range(

@@ -92,7 +92,7 @@ def texture_bytes(*textures: moderngl.Texture) -> int:
 
 
 _FLIP_Y = np.float32([1.0, -1.0])
-"""From offsets in pixels with y up, as in GL, to those with y down, as in arrays."""
+"""Factors from offsets in pixels with y up, as in GL, to those with y down, as in arrays."""
 
 
 def read_result(texture: moderngl.Texture) -> np.ndarray:

@@ -138,10 +138,10 @@ class GeneratedInputs(GpuOwner):
         camera = self.request.animated.view_at(frame / self.settings.sequence.fps)
         return self._displayed(frame, phase=step / self._every, shown=camera)
 
-    def _displayed(self, frame: int, **change: Any) -> FrameInputs:
+    def _displayed(self, frame: int, **changes: Any) -> FrameInputs:
         """The inputs of the last rendered frame, and beside them of the next one, as those of ``frame``."""
-        change["index"] = frame - self.frames[0] + 1
-        return replace(self._now, **change, next_rendered=self._end and replace(self._end, **change))
+        changes["index"] = frame - self.frames[0] + 1
+        return replace(self._now, **changes, next_rendered=self._end and replace(self._end, **changes))
 
     def shading_ms(self) -> float | None:
         return self._source.shading_ms()

@@ -500,11 +500,13 @@ class GlslPasses(GpuOwner):
     def records(self, name: str) -> np.ndarray:
         """A history of records as the last frame left it, (h, w), row 0 at the top."""
         struct, (width, height) = self._method.history[name].struct, self._sizes["output"]
+        # GL's row 0 is at the bottom
         return np.frombuffer(self._before[name].read(), struct.dtype).reshape(height, width)[::-1]
 
     def light_counts(self) -> np.ndarray:
         """What the last frame sampled in each pixel, as ``MethodRunner.light_counts``."""
         width, height = self._sizes["output"]
+        # GL's row 0 is at the bottom
         return np.frombuffer(self._counts.read(), np.uint32).reshape(height, width, 3)[::-1]
 
     @staticmethod

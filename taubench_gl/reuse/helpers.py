@@ -33,30 +33,32 @@ class Helpers:
     # ------------------------------------------------------------------------------------------------- pixels
     def pixels(self) -> Image:
         """Coordinates of all pixels of the result, (height, width, 2) float32."""
-        return self._own(_pixels(self.output_size).copy())
+        return self._to_library(_pixels(self.output_size).copy())
 
     def input_pixels(self) -> Image:
         """The input pixel that contains the center of each pixel of the result, (height, width, 2) int64."""
-        return self._own(_input_pixels(self.output_size, self.input_size).copy())
+        return self._to_library(_input_pixels(self.output_size, self.input_size).copy())
 
     def input_from_output(self, at: Image) -> Image:
-        """The same points in pixels of the input."""
+        """Points ``at`` of the result, (..., 2), in pixels of the input."""
         return (at + 0.5) / self._scale() - 0.5
 
     def output_from_input(self, at: Image) -> Image:
-        """The same points in pixels of the result."""
+        """Points ``at`` of the input, (..., 2), in pixels of the result."""
         return (at + 0.5) * self._scale() - 0.5
 
     def previous_px(self) -> Image:
         """Where the surface of each pixel was in the previous frame, (height, width, 2) (reads motion)."""
-        return self.pixels() + self._of_result("motion") * self._scale()
+        return self.pixels() + self._at_result_pixels("motion") * self._scale()
 
     def reusable(self) -> Image:
         """Pixels with a history that no geometry mask discards, (height, width) bool (reads mask)."""
         return self._without_reasons("mask", REJECT)
 
     def reusable_exact(self) -> Image:
-        """As ``reusable``, by the masks of the exact frames (reads exact_mask)."""
+        """Pixels with a history that no geometry mask of the exact frames discards, (height, width) bool (reads
+        exact_mask).
+        """
         return self._without_reasons("exact_mask", REJECT | _CHANGED)
 
     def inside(self, at: Image) -> Image:
@@ -69,12 +71,12 @@ class Helpers:
     def nearest_surface(self) -> Image:
         """The pixel nearest to the camera in the 3x3 neighborhood of each input pixel, (height, width, 2) int64."""
         depth = self._frame["position"][..., 3:]
-        at = self._own(_pixels(self.input_size).copy())
+        at = self._to_library(_pixels(self.input_size).copy())
         best, nearest_depth = self._int(at), depth
         nearest = self._xp.where(nearest_depth > 0, nearest_depth, nearest_depth * 0 + 1e30)
         for dy in (1, 0, -1):  # rows count from the bottom in GLSL, where the first of equals is kept
             for dx in (-1, 0, 1):
-                moved = self._int(at) + self._own(np.array([dx, dy]))
+                moved = self._int(at) + self._to_library(np.array([dx, dy]))
                 other = self.fetch(depth, moved)
                 closer = (other > 0) & (other < nearest)
                 nearest, best = self._xp.where(closer, other, nearest), self._xp.where(closer, moved, best)
@@ -99,7 +101,7 @@ class Helpers:
         fx, fy = f[..., :1], f[..., 1:]
 
         def row(dy: int) -> Image:
-            left, right = (self.fetch(image, b + self._own(np.array([dx, dy]))) for dx in (0, 1))
+            left, right = (self.fetch(image, b + self._to_library(np.array([dx, dy]))) for dx in (0, 1))
             return left * (1 - fx) + right * fx
 
         return row(0) * (1 - fy) + row(1) * fy
@@ -112,7 +114,7 @@ class Helpers:
         total = 0.0
         for j in range(4):
             for i in range(4):
-                tap = self.fetch(image, b + self._own(np.array([i - 1, j - 1])))
+                tap = self.fetch(image, b + self._to_library(np.array([i - 1, j - 1])))
                 total = total + weights[0][i] * weights[1][j] * tap
         return total
 
@@ -127,11 +129,11 @@ class Helpers:
 
     # -------------------------------------------------------------------------------------------------------- color
     def luminance(self, rgb: Image) -> Image:
-        """(...) of (..., >= 3)."""
+        """Luminance (...) of linear RGB (..., >= 3)."""
         return sum(float(weight) * rgb[..., k] for k, weight in enumerate(LUMINANCE))
 
     def ycocg_from_rgb(self, c: Image) -> Image:
-        """Malvar and Sullivan 2003, the real-valued transform."""
+        """YCoCg (..., 3) of RGB: the real-valued transform of Malvar and Sullivan 2003."""
         r, g, b = c[..., 0], c[..., 1], c[..., 2]
         return self._xp.stack([0.25 * r + 0.5 * g + 0.25 * b, 0.5 * r - 0.5 * b, -0.25 * r + 0.5 * g - 0.25 * b], -1)
 
@@ -150,25 +152,25 @@ class Helpers:
     def remodulate(self, diffuse: Image, specular: Image) -> Image:
         """Radiance of demodulated light (..., 3) (reads diffuse_albedo, specular_albedo, emitted)."""
         names = ("diffuse_albedo", "specular_albedo", "emitted")
-        albedo, glossy, emitted = (self._of_result(name)[..., :3] for name in names)
+        albedo, glossy, emitted = (self._at_result_pixels(name)[..., :3] for name in names)
         return diffuse * albedo + specular * glossy + emitted
 
     # --------------------------------------------------------------------------------------------------------- parts
-    def _of_result(self, name: str) -> Image:
+    def _at_result_pixels(self, name: str) -> Image:
         """An input at the pixels of the result."""
         image = self._frame[name]
         return image if self.input_size == self.output_size else self.fetch(image, self.input_pixels())
 
     def _without_reasons(self, name: str, bits: int) -> Image:
         """Pixels whose mask has none of ``bits``, where there is a history at all."""
-        mask = self._of_result(name)[..., 0]
+        mask = self._at_result_pixels(name)[..., 0]
         return ((mask & bits) == 0) & bool(self._frame["has_history"])
 
     def _scale(self) -> Image:
         (width, height), (w, h) = self.output_size, self.input_size
-        return self._own(np.array([width / w, height / h], dtype=np.float32))
+        return self._to_library(np.array([width / w, height / h], dtype=np.float32))
 
-    def _own(self, values: np.ndarray) -> Image:
+    def _to_library(self, values: np.ndarray) -> Image:
         """A NumPy array as an array of the method's library, sharing its memory."""
         return values if self._xp is np else self._xp.from_numpy(values)
 

@@ -295,6 +295,7 @@ class RasterInputs(Inputs):
         self._reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
         self._samples_lights = LIGHTS in self.reads and kind.path_samples > 0
         self.source = self._open_source(sample_offset(kind, jitter), extra)
+        # The caller's source if it passed one; else _open_exact's, which may be the input's: that has to be open.
         needs_exact = bool(exact) or "exact_mask" in self.reads
         self.exact = None if isinstance(exact, bool) else exact
         if needs_exact and self.exact is None:

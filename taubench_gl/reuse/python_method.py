@@ -54,9 +54,8 @@ class PythonSteps(GpuOwner):
     """One instance of the class: reads inputs back from the GPU and uploads its results."""
 
     def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int], timer: PassTimer):
-        """Raises MethodError without the library of the class.
-
-        ``size``: (width, height) of the result; ``input_size``: of the inputs, another only for a method that upscales.
+        """Prepare to run the class.  Raises MethodError without its library.  ``size``: (width, height) of the result;
+        ``input_size``: of the inputs, another only for a method that upscales.
         """
         super().__init__(gpu)
         self._sizes = {"output_size": size, "input_size": input_size}
@@ -114,7 +113,9 @@ class PythonSteps(GpuOwner):
             raise MethodError(f"{name} raised {why}{at}", where=self._method.label) from error
 
     def _checked(self, image: object, alpha: float = -1.0) -> np.ndarray:
-        """-> (h, w, 4) float32; ``alpha`` where the class returned three components: -1, no reported weight."""
+        """``image`` that the class returned as (h, w, 4) float32; ``alpha`` where it has three components: -1, no
+        reported weight.  Raises MethodError.
+        """
         width, height = self._size
         if hasattr(image, "detach"):  # a tensor, of any device; memory of the CPU is shared
             image = image.detach().cpu()

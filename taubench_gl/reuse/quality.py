@@ -26,7 +26,7 @@ from taubench_gl.srgb import LUMINANCE
 Array = np.ndarray
 
 RELMSE_EPSILON = 1e-2
-"""Added to the squared reference (Rousselle et al. 2011), so that black pixels do not dominate."""
+"""Number added to the squared reference (Rousselle et al. 2011), so that black pixels do not dominate."""
 
 SSIM_SIGMA, SSIM_SIDE = 1.5, 11
 """Wang et al. 2004: Gaussian window of standard deviation 1.5, 11 pixels wide."""
@@ -226,7 +226,9 @@ def _flip() -> ModuleType:
 
 
 def _finite_images(*images: Array) -> list[Array]:
-    """Contiguous float32; FLIP accepts values that are not finite silently."""
+    """``images`` as contiguous float32.  Raises ValueError for values that are not finite, which FLIP accepts
+    silently.
+    """
     for values in images:
         if not np.isfinite(values).all():
             raise ValueError("FLIP needs finite colors")

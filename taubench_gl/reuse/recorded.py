@@ -149,6 +149,7 @@ class RecordedRunner(Owner):
             message = f"frame {number}: {count} of {radiance.shape[0] * radiance.shape[1]} pixels are NaN or infinite"
             raise MethodError(message, where=f"method '{self.recorded.name}'")
         weight = np.full((*radiance.shape[:2], 1), -1.0, dtype=np.float32)
+        # GL's row 0 is at the bottom
         self._texture.write(np.ascontiguousarray(np.concatenate([radiance, weight], axis=-1)[::-1]))
         return self._texture
 

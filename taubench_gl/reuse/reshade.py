@@ -110,6 +110,7 @@ class Reshade:
         position in this frame, (h, w, 4) float32.
         """
         width, height = self._size
+        # GL's row 0 is at the bottom
         link = np.frombuffer(self._link.read(), dtype=np.uint32).reshape(height, width)[::-1].astype(np.int64) - 1
         return link, read_channel(self._surface["position"], "position")
 

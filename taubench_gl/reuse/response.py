@@ -35,10 +35,10 @@ ABOVE, DEVIATIONS = 2.0, 3.0
 second half of the frames, is noise: 0 frames."""
 
 MIN_PIXELS, MOST_PIXELS = 16, 1024
-"""Fewer pixels of an event do not show its error; of more, evenly spaced ones are followed."""
+"""Pixels of an event below which its error is not measured, and above which evenly spaced ones are followed."""
 
 MIN_AGES = 8
-"""An event that is followed for fewer frames gives no noise floor."""
+"""Least number of frames for which an event is followed to give a noise floor."""
 
 DRAWS = 199
 """Bootstrap draws of seeds for an interval."""

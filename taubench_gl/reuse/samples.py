@@ -94,7 +94,9 @@ class _Search:
     frames: Array
 
     def moved(self, motion_px: Array, allowed: Array) -> _Search:
-        """In the next frame, one frame later; ``allowed`` (h, w): pixels that have a history."""
+        """The search of the next frame, along ``motion_px`` (h, w, 2) and one frame later; ``allowed`` (h, w): pixels
+        that have a history.
+        """
         light, frames = history_of(self.light, motion_px), history_of(self.frames, motion_px)
         return _Search(np.where(allowed, light, -1), frames + 1)
 

@@ -199,6 +199,7 @@ class SceneLight:
     def surfaces(self) -> np.ndarray:
         """Records of SURFACE of the current frame, (h, w), row 0 at the top."""
         width, height = self._source.size
+        # GL's row 0 is at the bottom
         return np.frombuffer(self._surfaces[0].read(), SURFACE.dtype).reshape(height, width)[::-1]
 
     @property

@@ -142,7 +142,7 @@ class Displayed:
         return cls(radiance, quality.display(radiance, curve), valid)
 
     def masked(self, valid: Array) -> Displayed:
-        """Black where another image is invalid: such a pixel has no error and is counted separately."""
+        """This image, black where another one is invalid: such a pixel has no error and is counted separately."""
         if valid.all():
             return self
         keep = valid[..., None]

@@ -78,7 +78,7 @@ def _fault(path: Path, message: str, hint: str | None = None) -> SettingsError:
 
 @lru_cache(maxsize=2)
 def _read(path: Path, modified: int, size: int) -> EnvironmentImage:
-    """``modified`` and ``size`` of the file: part of the key of the cache."""
+    """The image of ``path``, read once for each ``modified`` time and ``size`` of the file."""
     with _opened(path) as file, _source(path, file) as source:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         spec = source.spec()

@@ -196,7 +196,7 @@ class Animation:
 
     @property
     def duration(self) -> float:
-        """Seconds, time of the latest key."""
+        """Duration in seconds: the time of the latest key."""
         return max((float(c.times[-1]) for c in self.channels), default=0.0)
 
 
@@ -266,7 +266,7 @@ class Scene:
 
     @property
     def duration(self) -> float:
-        """Seconds: time of the latest playing key; 0 for a still scene."""
+        """Duration in seconds: the time of the latest playing key; 0 for a still scene."""
         return max((float(c.times[-1]) for c in self.channels), default=0.0)
 
     @property

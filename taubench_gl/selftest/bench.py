@@ -16,8 +16,9 @@ from taubench_gl.evaluation import ChannelPair, evaluate_scene
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.frame.spec import EXACT, AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.metrics.counts import Counts, counts_of
@@ -151,14 +152,20 @@ class Bench(GpuOwner):
             return {n: renderer.read(n) for n in renderer.channels}, renderer.frame.view
 
     def shots(
-        self, scene: Scene, frames: Sequence[int] = (0,), *, extra: Sequence[str] = (), **settings: Any
+        self,
+        scene: Scene,
+        frames: Sequence[int] = (0,),
+        *,
+        extra: Sequence[str] = (),
+        shading: Shading = EXACT,
+        **settings: Any,
     ) -> list[Shot]:
         """``frames`` of one source, shaded by the light stage, one frame per second.
 
-        ``extra``: further channels to render; ``settings``: fields of Settings.
+        ``extra``: further channels to render; ``shading``: how light is sampled; ``settings``: fields of Settings.
         """
         values = self.settings_of({"columns": ("direct",), "fps": 1.0} | settings)
-        with self._opened(scene, values, extra) as source:
+        with self._opened(scene, values, extra, shading) as source:
             out = []
             for frame in frames:
                 view = source.advance(frame)
@@ -174,9 +181,11 @@ class Bench(GpuOwner):
             return {n: source.read(n) for n in ("direct", "indirect", *extra)}
 
     @contextlib.contextmanager
-    def _opened(self, scene: Scene, settings: Settings, extra: Sequence[str] = ()) -> Iterator[RasterSource]:
+    def _opened(
+        self, scene: Scene, settings: Settings, extra: Sequence[str] = (), shading: Shading = EXACT
+    ) -> Iterator[RasterSource]:
         with GpuOwner(self.gpu) as owner:
-            yield owner.open_source(AnimatedScene(scene), settings, extra=extra)
+            yield owner.open_source(AnimatedScene(scene), settings, shading=shading, extra=extra)
 
     def evaluate(self, scene: Scene, **settings: Any) -> Run:
         """The whole evaluation of a scene.  ``settings``: fields of Settings."""

@@ -39,7 +39,7 @@ def _textured(bench: Bench, texels: Array, sampler: Sampler = CLAMPED, uv: Array
 
 
 def _ramp() -> Array:
-    """(16, 16, 4) uint8: codes 0 .. 255 row by row, from the upper left."""
+    """Texels with the codes 0 .. 255 row by row, from the upper left, (16, 16, 4) uint8."""
     codes = np.arange(256, dtype=np.uint8).reshape(16, 16)
     return np.stack([codes, codes[::-1], np.full_like(codes, 77), np.full_like(codes, 255)], axis=-1)
 

@@ -63,6 +63,7 @@ class Viewer(ViewerModel):
             texture = drawn.own(self.gpu.ctx.texture((width, height), 4))
             self.draw(drawn.own(self.gpu.ctx.framebuffer([texture])))
             self.gpu.finish()
+            # GL's row 0 is at the bottom
             out = np.frombuffer(texture.read(), np.uint8).reshape(height, width, 4)[::-1, :, :3].copy()
             self.gpu.unbind_framebuffer()
         return out

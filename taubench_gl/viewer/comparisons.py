@@ -71,7 +71,7 @@ class RunComparison(Owner):
         self._feed = self.own(feed)
 
     def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
-        """The same channel of the same frame, with the camera of the file; None if it has none.
+        """``channel`` of ``frame`` of the compared source, with its own camera; None if it has none.
 
         Raises TaubenchError.
         """

@@ -143,7 +143,7 @@ class SceneFeed(GpuOwner):
         return self._shots[frame]
 
     def other_eye(self, shot: Shot) -> Shot:
-        """With history ``eye``: the frame from the other eye, or from the camera of the file that stands for it."""
+        """The frame of ``shot`` from the other eye, or the camera of the file that stands for it (history ``eye``)."""
         eye = self.source.eye
         if isinstance(eye, EyeCamera):
             return Shot(shot.frame, eye.beside(shot.view))
@@ -278,7 +278,7 @@ def live_of(settings: Settings) -> Live:
 
 
 def live_settings(settings: Settings, live: Live) -> Settings:
-    """The settings of a source after the changes that the user makes while looking."""
+    """``settings`` of a source with the choices ``live`` that the user makes while looking."""
     sequence, lighting = settings.sequence, settings.lighting
     changed: dict[str, Any] = {
         "reprojection": live.reprojection,
@@ -358,11 +358,11 @@ def scene_of(run: Run, request: OpenRequest) -> tuple[str, Settings]:
         raise OutputError("the run's scene was not read from a file", where=str(run.out), hint="open a scene instead")
     # Runs recorded before the selection open with that of the file.
     stored = (run.summary["scene"].get("selection") or {}) | (run.summary.get("settings") or {})
-    given = {*request.given, *(("width", "height") if "size" in request.given else ())}
-    values = {n: stored[n] for n in FIELDS if n in stored and n not in given and n not in _OF_EVALUATION}
+    by_user = {*request.given, *(("width", "height") if "size" in request.given else ())}
+    values = {n: stored[n] for n in FIELDS if n in stored and n not in by_user and n not in _OF_EVALUATION}
     if "thresholds" in values:
         values["thresholds"] = {f: v for f, v in values["thresholds"].items() if f in FEATURES and v is not None}
-    if "frames" not in given and stored.get("first_frame") is not None:
+    if "frames" not in by_user and stored.get("first_frame") is not None:
         values["frames"] = (stored["first_frame"], stored["last_frame"] + 1)
     path_traced, path = run.summary.get("path_traced") is not None, scene_path(run.out, str(path))
     return (f"exr:{path}" if path_traced else path), request.settings.replace(**values)

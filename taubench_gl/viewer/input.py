@@ -58,7 +58,7 @@ class Input:
             s.probe = pixel
 
     def mouse_button(self, button: int, pressed: bool) -> None:
-        """``button``: 0 left, 1 right, 2 middle."""
+        """A mouse button was pressed, or released.  ``button``: 0 left, 1 right, 2 middle."""
         self._events().add_mouse_button_event(button, pressed)
         if not pressed and self._drag == "camera":
             self._click(button)
@@ -89,7 +89,7 @@ class Input:
         self._events().add_input_character(code)
 
     def key(self, name: str, pressed: bool, *, ctrl: bool = False, alt: bool = False, shift: bool = False) -> None:
-        """``name`` is the GLFW name without KEY_.  A key repeat counts as a press."""
+        """A key was pressed, or released.  ``name``: of GLFW, without KEY_. A key repeat counts as a press."""
         self._forward_key(name, pressed, ctrl, shift)
         if not pressed:
             self.held.discard(name)

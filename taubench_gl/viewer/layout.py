@@ -23,7 +23,8 @@ Rect = tuple[float, float, float, float]  # x, y, width, height
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """``images`` have the aspect ratio of the image, centered in the area beside the panels; the first is the main one.
+    """Rectangles in a window.  ``images`` have the aspect ratio of the image, centered in the area beside the panels;
+    the first is the main one.
 
     ``merged``: one side panel shows the sections of both.
     """

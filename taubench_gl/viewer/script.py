@@ -61,7 +61,9 @@ def parse(path: Path) -> list[Line]:
 
 
 class ScriptRunner:
-    """``present`` shows a frame in the window; ``resize`` requests a size and returns the actual one."""
+    """Runs a script in a viewer.  ``present`` shows a frame in the window; ``resize`` requests a size and returns the
+    actual one.
+    """
 
     def __init__(
         self,

@@ -123,8 +123,8 @@ def save_lesson(
 
     Raises OutputError.
     """
-    given = [name for name, value in settings.to_dict().items() if value != Settings().to_dict().get(name)]
-    SessionFile(SCHEMA, source, settings.to_dict(), given, dict(values), lesson=lesson).write(path)
+    chosen = [name for name, value in settings.to_dict().items() if value != Settings().to_dict().get(name)]
+    SessionFile(SCHEMA, source, settings.to_dict(), chosen, dict(values), lesson=lesson).write(path)
 
 
 def load(path: str | Path, resolve: Resolve | None = None) -> OpenRequest:

@@ -33,7 +33,9 @@ class Rates:
 
 
 class Timeline(Owner):
-    """``rates``: by frame, of one choice of settings; they begin again where ``key`` changes."""
+    """What was shown of a sequence.  ``rates``: by frame, of one choice of settings; they begin again where ``key``
+    changes.
+    """
 
     def __init__(self, gpu: Gpu, first: int, last: int):
         super().__init__()

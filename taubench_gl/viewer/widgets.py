@@ -24,7 +24,9 @@ _FAINT = ImVec4(*FAINT, 1.0)
 
 
 class Widgets:
-    """``rects``: rectangle of each control drawn in this frame; ``reveal``: name of a control to scroll to."""
+    """Draws controls.  ``rects``: rectangle of each control drawn in this frame; ``reveal``: name of a control to
+    scroll to.
+    """
 
     def __init__(self, viewer: ViewerModel):
         self.viewer = viewer
@@ -97,7 +99,7 @@ class Widgets:
             self._slider(control, f"{label}##{name}", text or control.text)
 
     def _slider(self, control: Number, label: str, text: str) -> None:
-        """The value is set only when the user moves the slider: ImGui has float32 values."""
+        """The slider of a number, which sets the value only when the user moves it: ImGui has float32 values."""
         s, (low, high) = self.viewer.state, control.slider or (control.low, control.high)
         flags = imgui.SliderFlags_.logarithmic.value if control.logarithmic else 0
         moved = imgui.slider_int if control.whole else imgui.slider_float

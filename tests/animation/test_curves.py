@@ -37,18 +37,6 @@ def test_values_at_and_outside_the_keys(interpolation):
         assert np.array_equal(curves.sample_channel(channel, t), keys[expected])
 
 
-def test_step_is_constant_until_the_next_key():
-    channel = make_channel(0, "translation", [0, 1], [[1, 1, 1], [2, 2, 2]], "STEP")
-    assert curves.sample_channel(channel, 1.0 - 1.1 * KEY_TOLERANCE / DEFAULT_FPS)[0] == 1
-    assert curves.sample_channel(channel, 1.0 - 0.9 * KEY_TOLERANCE / DEFAULT_FPS)[0] == 2
-    assert curves.sample_channel(channel, 1.0)[0] == 2
-
-
-def test_linear_interpolation():
-    channel = make_channel(0, "translation", [1, 3], [[0, 10, -4], [2, 20, 4]])
-    assert np.allclose(curves.sample_channel(channel, 1.5), [0.5, 12.5, -2], rtol=1e-15)
-
-
 @pytest.mark.parametrize("interpolation", ["STEP", "LINEAR", "CUBICSPLINE"])
 @pytest.mark.parametrize("path", ["translation", "rotation"])
 def test_single_key_is_constant(interpolation, path):

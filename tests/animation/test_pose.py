@@ -105,32 +105,6 @@ def test_pose_is_independent_of_earlier_samples():
         state.visible[:] = False
 
 
-def test_still_nodes_are_constant_bit_for_bit():
-    parents, fields = random_tree(5, 10)
-    root = parents.index(-1)
-    scene = make_scene(
-        [*parents, -1], [make_channel(10, "translation", [0, 9], [[0, 0, 0], [9, 9, 9]])],
-        **{k: np.concatenate([v, v[:1]]) for k, v in fields.items()},
-    )  # fmt: skip
-    poser = Poser(scene)
-    assert root >= 0
-    assert len({poser.sample(t).world[:10].tobytes() for t in np.linspace(0, 9, 20)}) == 1
-
-
-def test_visibility_is_animated_inherited_and_step():
-    channels = [make_channel(0, "visible", [0, 1, 2], [[1], [0], [1]], "STEP")]
-    poser = Poser(make_scene([-1, 0, 1], channels, visible=[1, 1, 0]))
-    for t, expected in [(0.0, [1, 1, 0]), (0.99, [1, 1, 0]), (1.0, [0, 0, 0]), (2.0, [1, 1, 0])]:
-        assert poser.sample(t).visible.tolist() == [bool(v) for v in expected]
-
-
-def test_matrix_of_a_node_has_precedence_over_trs():
-    matrix = np.eye(4)
-    matrix[0, 1] = 0.5  # shear, which TRS cannot represent
-    scene = make_scene([-1], matrix=[matrix], has_matrix=[True], translation=[[9, 9, 9]])
-    assert np.array_equal(sample(scene, 0.0).world[0], matrix)
-
-
 def test_camera_and_light_parameters_are_animated():
     channels = [
         make_channel(0, "yfov", [0, 1], [[0.5], [1.0]], target="camera"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_scenes import make_channel
@@ -40,22 +39,6 @@ def test_equals_the_scalar_reference(seed, count, times):
                 assert np.array_equal(row, curves.sample_channel(channels[index], t))
                 seen += 1
         assert seen == count
-
-
-def test_channels_with_equal_times_share_a_search():
-    channels = [make_channel(i, "translation", [0, 1, 2], np.zeros((3, 3))) for i in range(100)]
-    assert len(Timeline(channels)._count) == 1
-    assert len(Timeline(channels).tracks) == 1
-
-
-@pytest.mark.parametrize("keys", [1, 2, 3, 4, 5, 8, 9, 1000])
-def test_segments_for_every_number_of_keys(keys):
-    times = np.cumsum(np.random.default_rng(keys).uniform(0.1, 1, keys))
-    timeline = Timeline([make_channel(0, "translation", times, np.zeros((keys, 3)))])
-    middles = (times[:-1] + times[1:]) / 2
-    for t in np.concatenate([times, middles, [times[0] - 1, times[-1] + 1]]):
-        found = tuple(float(x[0]) for x in timeline._segments(t))
-        assert found == curves.segment(times, t)
 
 
 def test_last_channel_of_a_property_is_used():

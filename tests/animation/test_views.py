@@ -200,20 +200,6 @@ def test_orbit_moves_by_a_share_of_the_subject_per_frame(scale):
     assert np.allclose(np.linalg.norm(np.diff(path, axis=0), axis=1), orbit.step, rtol=1e-9)
 
 
-def test_motion_is_described_in_meters():
-    orbit = OrbitCamera(orbit_scene(size=100.0))
-    assert f"{orbit.step / 100.0:.4g} m" in orbit.describe(100.0) and "fps" not in orbit.describe()
-
-
-def test_rotation_per_frame_depends_on_the_shape_and_not_on_the_scale():
-    def rate(*scale):
-        return OrbitCamera(make_scene([-1], meshes=[triangle_mesh()], mesh=[0], scale=[scale])).rate
-
-    assert rate(1, 1, 1) == pytest.approx(rate(7, 7, 7))
-    rates = [rate(1, 1, 1), rate(5, 1, 1), rate(1, 5, 1)]
-    assert len({round(r, 2) for r in rates}) == 3
-
-
 def test_orbit_is_periodic_about_the_vertical_axis_without_roll():
     scene = orbit_scene()
     orbit, poser = OrbitCamera(scene), Poser(scene)

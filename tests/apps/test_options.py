@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,136 +13,45 @@ import pytest
 
 from taubench_gl.apps.cli import SECTIONS, cli
 from taubench_gl.apps.options import MOST_SHORT, Command, Commands, Option, command
+from taubench_gl.batch.spec import read_spec
+from taubench_gl.benchmark.suite import read_suite
 from taubench_gl.cost import cost
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, at_least, declared, one_of, setting, some_of
 from taubench_gl.option_groups import CostOptions, FitOptions, ReuseOptions
 from taubench_gl.paths import PACKAGE
+from taubench_gl.preset import load_preset
 from taubench_gl.reuse import EvaluationRequest, evaluate_methods, fit_setting
-from taubench_gl.settings import KEYS, Settings, parse_size
+from taubench_gl.settings import KEYS, NO_OPTION, LightingSettings, Settings, parse_size
 
-ADD_LINES = """
-import sys, types
-from pathlib import Path
-source = Path({path!r}).read_text(encoding="utf-8")
-for before in {before!r}:
-    assert source.count(before) == 1, source.count(before)
-    source = source.replace(before, {line!r} + before)
-module = types.ModuleType({module!r})
-sys.modules[{module!r}] = module
-exec(compile(source, {path!r}, "exec"), module.__dict__)
-"""
-
-
-def write_suite(path: Path, of_all: str = "", own: str = "") -> None:
-    """A suite of one case.  ``of_all``: keys of the suite; ``own``: of the case."""
-    case = '[[cases]]\nscene = "demo"\ntrack = "t"\ninput = "full"\n'
-    path.write_text('schema = "suite/1"\nname = "s"\nframes = 2\n' + of_all + case + own)
-
-
-def with_a_line(module: str, before: tuple[str, ...], line: str, code: str) -> str:
-    """What ``code`` prints where a module of the package has one more line before each of ``before``."""
-    names = {"path": str(PACKAGE / f"{module}.py"), "module": f"taubench_gl.{module}", "before": before, "line": line}
-    script = ADD_LINES.format(**names) + code
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-def test_a_new_setting_is_an_option_a_key_and_a_keyword(tmp_path):
-    """Of every command with light; settings have a field ``haze`` more."""
-    (tmp_path / "batch.toml").write_text('scenes = ["a.glb"]\nhaze = [0.25, 1]\n')
-    (tmp_path / "wrong.toml").write_text('scenes = ["a.glb"]\nhaze = 3\n')
-    (tmp_path / "preset.toml").write_text('schema = "taubench-gl/preset/1"\n[settings]\nhaze = 0.75\n')
-    (tmp_path / "a.glb").write_bytes(b"")
-    write_suite(tmp_path / "suite.toml", "haze = 0.25\n")
-    write_suite(tmp_path / "own.toml", "haze = 0.25\n", "haze = 1\n")
-    write_suite(tmp_path / "without.toml")
-    write_suite(tmp_path / "default.toml", "haze = 0.5\n")
-    write_suite(tmp_path / "faulty.toml", "haze = 3\n")
-    line = '    haze: float = setting(0.5, "Density of the haze", at_least(0, most=2))\n'
-    code = f"""
-from click.testing import CliRunner
-from taubench_gl.apps.cli import cli
-def options(group):
-    for member in group.commands.values():
-        for param in member.params:
-            if param.name == "haze":
-                print(member.name, *param.opts)
-        if hasattr(member, "commands"):
-            options(member)
-options(cli)
-for help in ("--help", "--help-all"):
-    text = " ".join(CliRunner().invoke(cli, ["evaluate", help]).output.split())
-    print(help, "--haze" in text, "Density of the haze. [default: 0.5]" in text)
-print(CliRunner().invoke(cli, ["evaluate", "a.glb", "--haze", "3"], standalone_mode=False).exception)
-import taubench_gl as tb
-from taubench_gl.batch.spec import read_spec
-folder = Path({str(tmp_path)!r})
-print("batch", [job.settings.lighting.haze for job in read_spec(folder / "batch.toml").jobs])
-from taubench_gl.benchmark.suite import read_suite
-cases = [read_suite(folder / f"{{name}}.toml").cases[0] for name in ("suite", "own", "without", "default")]
-print("suites", [case.settings.lighting.haze for case in cases])
-print("hashes", len({{case.identity("") for case in cases}}), cases[2].identity("") == cases[3].identity(""))
-for call in (
-    lambda: read_spec(folder / "wrong.toml"),
-    lambda: tb.evaluate(folder / "a.glb", haze=3),
-    lambda: read_suite(folder / "faulty.toml"),
-):
-    try:
-        call()
-    except tb.TaubenchError as error:
-        print(error)
-print("preset", tb.load_preset(folder / "preset.toml"))
-print("keyword", tb.Settings(haze="1.5").replace(fps=30).get("haze"), tb.Settings().to_dict()["haze"])
-import sys
-sys.path.append({str(PACKAGE.parent / "tools")!r})
+sys.path.append(str(PACKAGE.parent / "tools"))
 from reference_pages import settings_table
-print([line for line in settings_table() if "haze" in line])
-"""
-    printed = with_a_line("settings", ("    light_error: float",), line, code)
-    for name in ("evaluate", "view", "cost", "export", "fit"):
-        assert f"{name} --haze" in printed
-    assert "--help False False" in printed and "--help-all True True" in printed
-    assert "--haze is 3.0 (give 0 to 2)" in printed
-    assert "batch [0.25, 1.0]" in printed and "preset {'haze': 0.75}" in printed and "keyword 1.5 0.5" in printed
-    assert "suites [0.25, 1.0, 0.5, 0.5]" in printed and "hashes 3 True" in printed
-    assert printed.count("haze is 3") == 4 and "Density of the haze |" in printed
+
+READERS = {
+    load_preset: 'schema = "taubench-gl/preset/1"\n[settings]\n',
+    read_spec: 'scenes = ["a.glb"]\n',
+    read_suite: 'schema = "suite/1"\nname = "s"\nframes = 2\n[[cases]]\nscene = "demo"\ntrack = "t"\ninput = "full"\n',
+}
+"""Reader of a file with settings -> a valid file, to which a setting can be added."""
 
 
-def test_a_new_option_of_reuse_and_of_cost_is_a_keyword_and_a_key_of_suites(tmp_path):
-    """The options of both have a field ``zeal`` more."""
-    for name, value in (("suite", 4), ("default", 3), ("wrong", 10)):
-        write_suite(tmp_path / f"{name}.toml", f"zeal = {value}\n")
-    line = '    zeal: int = setting(3, "Zeal", at_least(1, most=9))\n'
-    code = f"""
-from taubench_gl.apps.cli import cli
-from taubench_gl.benchmark.suite import read_suite
-from taubench_gl.cost import cost
-from taubench_gl.errors import SettingsError
-from taubench_gl.reuse import evaluate_methods
-reuse = cli.commands["reuse"].commands
-print("options", [any(p.name == "zeal" for p in reuse[name].params) for name in ("evaluate", "fit")])
-print("cost", [p.default for p in cli.commands["cost"].params if p.name == "zeal"])
-folder = Path({str(tmp_path)!r})
-suite, default = (read_suite(folder / f"{{name}}.toml").cases[0] for name in ("suite", "default"))
-print("suite", suite.request.zeal, default.request.zeal, suite.identity("") == default.identity(""))
-for call in (
-    lambda: evaluate_methods("a.glb", ["none"], zeal=0),
-    lambda: evaluate_methods("a.glb", ["none"], zeel=3),
-    lambda: read_suite(folder / "wrong.toml"),
-    lambda: cost("a.glb", out="nowhere", zeal=0),
-    lambda: cost("a.glb", out="nowhere", zeel=2),
-):
-    try:
-        call()
-    except SettingsError as error:
-        print(error)
-"""
-    printed = with_a_line("option_groups", ("    metrics: tuple", "    repeats: int"), line, code)
-    assert "options [True, True]" in printed and "cost [3]" in printed and "suite 4 3 False" in printed
-    assert printed.count("zeal is 0") == 2 and "zeal is 10" in printed
-    assert "did you mean zeal?" in printed and "no setting is named 'zeel'" in printed
+@pytest.mark.parametrize("name", [name for name in declared(LightingSettings) if name not in NO_OPTION])
+def test_a_setting_is_an_option_a_key_and_a_keyword(tmp_path, name):
+    """Each names the setting that has a wrong value."""
+    for member in ("evaluate", "view", "export"):
+        assert name in {param.name for param in cli.commands[member].params}
+    (tmp_path / "a.glb").touch()
+    for read, text in READERS.items():
+        (tmp_path / "file.toml").write_text(text)
+        read(tmp_path / "file.toml")
+        (tmp_path / "file.toml").write_text(f'{text}{name} = {{ x = "y" }}\n')
+        with pytest.raises(SettingsError) as caught:
+            read(tmp_path / "file.toml")
+        assert name in str(caught.value)
+    with pytest.raises(SettingsError) as caught:
+        Settings(**{name: {"x": "y"}})
+    assert caught.value.setting == name
+    assert any(line.startswith(f"| `{name}` |") for line in settings_table())
 
 
 def test_functions_do_not_state_defaults_of_options():
@@ -155,6 +63,9 @@ def test_functions_do_not_state_defaults_of_options():
     ):
         names = {name for kind in kinds for name in (KEYS if kind is Settings else declared(kind))} - {"scene"}
         assert names.isdisjoint(inspect.signature(function).parameters), function.__name__
+    for member in ("evaluate", "fit"):
+        options = {param.name for param in cli.commands["reuse"].commands[member].params}
+        assert {*declared(ReuseOptions)} - options <= {"metrics"}  # fit has one of its own
     own = {field.name for field in dataclasses.fields(EvaluationRequest)} - set(declared(ReuseOptions))
     assert own == {"statistics", "exact_samples"} and declared(EvaluationRequest) == declared(ReuseOptions)
 

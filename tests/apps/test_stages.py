@@ -25,17 +25,6 @@ def logged(monkeypatch):
     return handler, logger, said
 
 
-@pytest.mark.parametrize("seconds", [0.0, 0.05], ids=["at once", "later"])
-def test_a_long_stage_is_a_line(logged, monkeypatch, seconds):
-    monkeypatch.setattr(stages, "STAGE_SECONDS", seconds)
-    handler, logger, said = logged
-    handler.begin()
-    logger.info("reading %s", "a.glb")
-    if handler._timer is not None:
-        handler._timer.join()
-    assert said == ["reading a.glb ..."]
-
-
 def test_a_stage_that_ends_says_nothing(logged, monkeypatch):
     monkeypatch.setattr(stages, "STAGE_SECONDS", 3600.0)
     handler, logger, said = logged

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import struct
+import sys
 from pathlib import Path
 
 import PIL.Image
@@ -12,6 +12,9 @@ import pytest
 from taubench_gl.cost import configurations
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
+
+sys.path.append(str(Path(__file__).parents[1] / "scene"))
+from gltf_files import glb, read_parts
 
 pytest.importorskip("pyarrow")
 
@@ -26,9 +29,7 @@ def paint(folder: Path, color: tuple[int, int, int]) -> None:
 
 def demo_with_texture(folder: Path, suffix: str) -> Path:
     """The demo scene with a base color texture in its own file; as .gltf also with its own buffer."""
-    data = DEMO.read_bytes()
-    (length,) = struct.unpack("<I", data[12:16])
-    root, chunk = json.loads(data[20 : 20 + length]), data[20 + length :]
+    root, blob = read_parts(DEMO)
     root["images"] = [*root.get("images", []), {"uri": "texture.png"}]
     root["textures"] = [*root.get("textures", []), {"source": len(root["images"]) - 1}]
     sampled = {"baseColorTexture": {"index": len(root["textures"]) - 1}}
@@ -36,14 +37,11 @@ def demo_with_texture(folder: Path, suffix: str) -> Path:
         material["pbrMetallicRoughness"] = material.get("pbrMetallicRoughness", {}) | sampled
     path = folder / f"demo{suffix}"
     if suffix == ".gltf":
-        (folder / "demo.bin").write_bytes(chunk[8:])
+        (folder / "demo.bin").write_bytes(blob)
         root["buffers"][0]["uri"] = "demo.bin"
         path.write_text(json.dumps(root), encoding="utf-8")
     else:
-        text = json.dumps(root).encode()
-        text += b" " * (-len(text) % 4)
-        head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(chunk))
-        path.write_bytes(head + struct.pack("<I4s", len(text), b"JSON") + text + chunk)
+        path.write_bytes(glb(json.dumps(root).encode(), blob))
     paint(folder, (200, 40, 40))
     return path
 

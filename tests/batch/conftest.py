@@ -15,6 +15,6 @@ from taubench_gl.batch.study import run_batch
 def reference(tmp_path_factory) -> tuple[Path, dict[str, bytes]]:
     """The spec of the kill tests, and the files of an uninterrupted run in one process."""
     folder = tmp_path_factory.mktemp("reference")
-    path = write_spec(folder, f'scenes = ["{DEMO}"]\nreprojection = ["camera", "motion"]\nframes = "0:31"\n{SMALL}')
+    path = write_spec(folder, f'scenes = ["{DEMO}"]\nreprojection = ["camera", "motion"]\nframes = "0:16"\n{SMALL}')
     run_batch(read_spec(path), folder / "out")
     return path, final_files(folder / "out")

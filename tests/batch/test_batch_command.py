@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +14,9 @@ from taubench_gl.batch.study import batch_status, run_batch
 from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.scene import load_scene
 from taubench_gl.study import engines
+
+sys.path.append(str(Path(__file__).parents[1] / "scene"))
+from gltf_files import glb, read_parts
 
 
 @pytest.fixture
@@ -98,15 +101,11 @@ def test_compare_of_a_batch_names_batch_report(tmp_path, refused):
 
 def split_demo(folder: Path, name: str = "demo.gltf") -> tuple[Path, dict]:
     """The demo as .gltf or .glb with its buffer in a separate file, and its JSON."""
-    data = DEMO.read_bytes()
-    (length,) = struct.unpack("<I", data[12:16])
-    root = json.loads(data[20 : 20 + length])
+    root, blob = read_parts(DEMO)
     root["buffers"][0]["uri"] = "demo.bin"
-    (folder / "demo.bin").write_bytes(data[28 + length :])
+    (folder / "demo.bin").write_bytes(blob)
     text = json.dumps(root).encode()
-    text += b" " * (-len(text) % 4)
-    head = struct.pack("<4s4I", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A)  # version, bytes, chunk, "JSON"
-    (folder / name).write_bytes(head + text if name.endswith(".glb") else text)
+    (folder / name).write_bytes(glb(text) if name.endswith(".glb") else text)
     return folder / name, root
 
 

@@ -104,14 +104,14 @@ def test_cuts_are_found_over_chunk_boundaries(tmp_path, reference):
     path, _ = reference
     out = path.parent / "out"
     table = pq.read_table(out / "frames.parquet")
-    assert table.num_rows == 2 * 30
+    assert table.num_rows == 2 * 15
     assert set(table["sweep_reprojection"].to_pylist()) == {"camera", "motion"}
     jobs = json.loads((out / "summary.json").read_text())["jobs"]
     for job in jobs:
         rows = [r for r in table.to_pylist() if r["job"] == job["id"]]
-        assert [r["frame"] for r in rows] == list(range(1, 31))
+        assert [r["frame"] for r in rows] == list(range(1, 16))
         assert [r["frame"] for r in rows if r["camera_cut"]] == job["camera"]["cuts"]
-        mean = sum(100 * r["frustum"] / r["pixels"] for r in rows) / 30
+        mean = sum(100 * r["frustum"] / r["pixels"] for r in rows) / 15
         assert job["discard"]["frustum"]["mean_percent"] == pytest.approx(mean, rel=1e-12)
 
 

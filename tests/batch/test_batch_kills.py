@@ -38,7 +38,7 @@ def test_killed_driver(reference, tmp_path):
     gone, alive = psutil.wait_procs(workers, timeout=PATIENCE)
     assert gone and not alive
     kept = partitions(out)
-    assert 2 <= kept < 60 and not (out / "summary.json").exists() and lock_holder(out) is None
+    assert 2 <= kept < 30 and not (out / "summary.json").exists() and lock_holder(out) is None
     assert finished(batch_process("resume", out))[0] == 0
     assert final_files(out) == expected
     assert partitions(out) > kept

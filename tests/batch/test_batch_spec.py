@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from batch_tools import spec_of, write_spec
 
-from taubench_gl.batch.spec import LISTS, read_spec
+from taubench_gl.batch.spec import read_spec
 from taubench_gl.batch.study import about_batch, batch_store, stored_spec
 from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
@@ -146,7 +146,3 @@ def test_specs_without_scenes_are_refused(folder, text):
     with pytest.raises(SettingsError) as caught:
         spec_of(folder, text) if text else read_spec(folder / "spec.toml")
     assert caught.value.where == str(folder / "spec.toml")
-
-
-def test_lists_are_values_of_settings_that_take_them_and_sweeps_of_others():
-    assert set(LISTS) == {"animation", "columns", "environment"}

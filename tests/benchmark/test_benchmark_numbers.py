@@ -128,6 +128,8 @@ def test_settings_and_options_are_keys_of_tables_and_suites(tmp_path):
     more = "bounces = 2\nthresholds = { normal = 0.25 }\nwarmup = 2\n"
     plain, own = (suite_of(tmp_path, HEAD + text).cases for text in (CASE + CASE.replace("noisy", "full"), more + CASE))
     (twice,) = suite_of(tmp_path, HEAD + more + CASE + 'bounces = 3\nsize = "64x36"\n').cases
+    default = suite_of(tmp_path, f"{HEAD}bounces = {plain[0].settings.lighting.bounces}\n{CASE}").cases[0]
+    assert default.identity("a") == plain[0].identity("a")
     assert own[0].settings.lighting.bounces == 2 and own[0].request.warmup == 2
     assert own[0].settings.metrics.thresholds["normal"] == 0.25
     assert twice.settings.lighting.bounces == 3 and twice.size == (64, 36)

@@ -55,21 +55,6 @@ def test_axes_look_along_pitch_yaw_and_roll():
         assert np.allclose(rows @ rows.T, np.eye(3)) and np.isclose(np.linalg.det(rows), 1)
 
 
-def test_the_eye_is_26_above_the_origin_and_moves_linearly():
-    times = np.arange(0, 1, 0.01)
-    eye = at(moving(), times).eye(roll=False)
-    assert np.allclose(eye.places[:, 0], 320 * times)
-    assert np.allclose(eye.places[:, 2], 26)
-    assert np.allclose(eye.axes, np.eye(3)) and eye.alive.all() and not eye.jumps.any()
-
-
-def test_the_view_turns_by_the_shorter_arc():
-    states = [(1000, player_state(yaw=170.0), {}), (1100, player_state(yaw=-170.0), {})]
-    eye = at(states, [0, 0.025, 0.05, 0.075]).eye()
-    yaw = np.degrees(np.arctan2(eye.axes[:, 0, 1], eye.axes[:, 0, 0])) % 360
-    assert np.allclose(yaw, [170, 175, 180, 185])
-
-
 @pytest.mark.parametrize("change", [{"flags": wire.TELEPORT}, {"client": 3}])
 def test_a_teleport_and_a_change_of_player_are_jumps(change):
     there = player_state(x=900.0, **change)

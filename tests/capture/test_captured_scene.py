@@ -40,7 +40,7 @@ def states(seconds=8.0, step=50):
         t = i * step / 1000
         late = t >= 3
         player = player_state(
-            x=(500.0 if late else 0.0) + 96 * t, yaw=(20 * t + 90) % 360 - 180, vx=96.0, weapon=5, client=0,
+            x=(500.0 if late else 0.0) + 96 * t, yaw=(20 * t + 290) % 360 - 180, vx=96.0, weapon=5, client=0,
             flags=wire.TELEPORT if late else 0,
         )  # fmt: skip
         entities = {
@@ -106,7 +106,7 @@ def test_the_camera_is_the_eye_at_every_frame(scene, rate):
     assert bob.min() > 25.9 and bob.max() < 33
     forward = np.array([-view.world_from_view[:3, 2] for view in views])
     yaw = np.degrees(np.arctan2(-forward[:, 2], forward[:, 0]))
-    expected = 20 * np.where(held, 2.95, t) - 90
+    expected = 20 * np.where(held, 2.95, t) + 110  # +-180 degrees at 3.5 s
     assert np.abs((yaw - expected + 180) % 360 - 180).max() < 0.01
 
 
@@ -212,14 +212,17 @@ def engine(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_recording_is_what_the_engine_writes(engine, made, tmp_path):
+@pytest.mark.parametrize("rockets", [0, 1])
+def test_a_recording_is_what_the_engine_writes(engine, made, tmp_path, taubench, rockets):
     demos = '"$HOME/.openarena/baseoa/demos"'
     game_file, config = made / "game.dm_71", '"$HOME"/.openarena/baseoa/record.cfg'
     copies = f'cp "{game_file}" {demos}/made.dm_71; cp {config} "{tmp_path}/seen.cfg"'
-    fake_engine(engine, f"mkdir -p {demos}; {copies}")
-    demo = recorder.record("tiny", 3, 7.0, tmp_path / "out.dm_71")
-    assert (demo.map_name, demo.seconds) == ("tiny", 8.0)
-    assert (tmp_path / "out.dm_71").read_bytes() == (made / "game.dm_71").read_bytes()
+    fake_engine(engine, f"echo $* > '{tmp_path}/asked'; mkdir -p {demos}; {copies}")
+    words = f"capture record --map tiny --bots 3 --seconds 7 --out {tmp_path / 'out.dm_71'}".split()
+    code, out, err = taubench(*words, *rockets * ["--rockets"])
+    assert code == 0 and "tiny, 8.0 s" in out, err
+    assert (tmp_path / "out.dm_71").read_bytes() == game_file.read_bytes()
+    assert f"+set g_rockets {rockets} " in (tmp_path / "asked").read_text()
     lines = (tmp_path / "seen.cfg").read_text().splitlines()
     assert sum(line.startswith("addbot") for line in lines) == 3 and lines[-1] == "quit"
 
@@ -235,19 +238,6 @@ def test_an_engine_that_hangs_is_killed(engine, tmp_path, monkeypatch):
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
     assert not (tmp_path / "out.dm_71").exists()
-
-
-@pytest.mark.parametrize("rockets", [0, 1])
-def test_the_command_asks_the_engine_for_rockets(engine, made, tmp_path, taubench, rockets):
-    """The engine's command line, as the command of this program gives it."""
-    demos = '"$HOME"/.openarena/baseoa/demos'
-    fake_engine(
-        engine, f"echo $* > '{tmp_path}/asked'\nmkdir -p {demos}\ncp '{made / 'game.dm_71'}' {demos}/made.dm_71"
-    )
-    words = f"capture record --map tiny --bots 3 --seconds 7 --out {tmp_path / 'out.dm_71'}".split()
-    code, out, err = taubench(*words, *rockets * ["--rockets"])
-    assert code == 0 and "tiny, 8.0 s" in out, err
-    assert f"+set g_rockets {rockets} " in (tmp_path / "asked").read_text()
 
 
 def test_without_the_engine_one_line_installs_it(monkeypatch, tmp_path):

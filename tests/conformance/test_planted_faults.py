@@ -51,18 +51,6 @@ def previous_points(truth, frame, scene=None, state=None):
     return truth.at(frame.hits, np.concatenate(parts))
 
 
-def sign(v, frame, truth):
-    return -v
-
-
-def axis(v, frame, truth):
-    return v * [1, -1]
-
-
-def twice(v, frame, truth):
-    return 2 * v
-
-
 def camera_only(v, frame, truth):
     out = reproject(truth, frame, flat(frame.position))
     return np.where(np.isfinite(frame.position), out[..., :1], v[..., :1])[..., :1] * [1, 0] + out * [0, 1]
@@ -94,14 +82,6 @@ def late(truth, frames):
 def jitter_left(v, frame, truth):
     offsets = truth.case.offsets(truth.size)
     return v - (offsets[max(frame.number - 1, 0)] - offsets[frame.number]) * [1, -1]
-
-
-def ndc(v, frame, truth):
-    return v / np.array(truth.size) * 2
-
-
-def rows(v, frame, truth):
-    return v[::-1]
 
 
 def transposed_skin(v, frame, truth):
@@ -183,10 +163,10 @@ def alpha_ignored(v, frame, truth):
 
 
 PLANTED = {
-    "sign": (vectors(sign), "negated", "pitch yaw translate disocclusion-camera"),
-    "y axis": (vectors(axis), "y negated", "pitch roll translate"),
+    "sign": (vectors(lambda v, f, t: -v), "negated", "pitch yaw translate disocclusion-camera"),
+    "y axis": (vectors(lambda v, f, t: v * [1, -1]), "y negated", "pitch roll translate"),
     "x axis": (vectors(lambda v, f, t: v * [-1, 1]), "x negated", "yaw roll translate"),
-    "scale by two": (vectors(twice), "twice", "dolly translate rotate"),
+    "scale by two": (vectors(lambda v, f, t: 2 * v), "twice", "dolly translate rotate"),
     "half the rate": (vectors(lambda v, f, t: 0.5 * v), "half", "dolly translate rotate"),
     "camera only": (vectors(camera_only), "camera only", "translate attached skin kilometer"),
     "zero": (vectors(lambda v, f, t: 0 * v), "zero", "yaw translate attached"),
@@ -194,8 +174,8 @@ PLANTED = {
     "base morph": (vectors(base_shape), "previous base shape", "morph skin-morph"),
     "late one frame": (late, "late", "dolly translate yaw"),
     "jitter left in": (vectors(jitter_left), "jitter", "jitter"),
-    "NDC": (vectors(ndc), "ndc", "yaw dolly translate"),
-    "rows": (vectors(rows), "rows", "dolly roll translate"),
+    "NDC": (vectors(lambda v, f, t: v / np.array(t.size) * 2), "ndc", "yaw dolly translate"),
+    "rows": (vectors(lambda v, f, t: v[::-1]), "rows", "dolly roll translate"),
     "transposed skin": (vectors(transposed_skin), "transposed skin", "skin skin-morph"),
     "float16 positions": (vectors(half_positions), "half precision", "kilometer"),
     "near-plane division": (vectors(no_near_plane), "near plane", "behind"),

@@ -88,16 +88,6 @@ def test_a_column_that_the_truth_lacks_is_not_wanted():
 
 
 # ---------------------------------------------------------------------------------------------------------------- front
-def test_the_front_of_a_staircase():
-    points = [
-        point("a", 1, 9),
-        point("b", 2, 9),
-        point("c", 2, 4),
-        point("d", 3, 5),
-        point("e", 4, 1),
-        point("f", 5, 1),
-    ]
-    assert [p.name for p in pareto_front(points)] == ["a", "c", "e"]
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -372,13 +372,3 @@ def errors_or_none(path):
         return errors(path)
     except pytest.skip.Exception:
         return []
-
-
-def test_sequence_on_the_command_line(tmp_path, gpu):
-    with zipfile.ZipFile(row_file(Entry(title="x", format="obj sequence"), tmp_path)) as archive:
-        archive.extractall(tmp_path)
-    source, out = f"{tmp_path}/toasters/toasters*.obj@30", tmp_path / "hard.glb"
-    done = CliRunner().invoke(cli, ["stress", source, "--camera", "still", "--seconds", "0.2", "--out", str(out)])
-    assert done.exit_code == 0, done.output
-    seen = CliRunner().invoke(cli, ["evaluate", str(out), "--size", "32x18", "--columns", "position"])
-    assert seen.exit_code == 0 and "stressed: a generated camera" in seen.output

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from taubench_gl.demos.demo import Demo, Result
-from taubench_gl.demos.gallery import Shown, open_pair, run_demos
+from taubench_gl.demos.gallery import Shown, run_demos
 from taubench_gl.demos.lessons import DEMOS
 from taubench_gl.demos.stage import LitPair, Stage
 
@@ -44,7 +44,7 @@ class Runs:
 
     def pair(self, demo: Demo, gpu) -> LitPair:
         """The pair that the page opens at."""
-        return self._once("pair", demo, gpu, lambda stage: open_pair(stage, demo))
+        return self._once("pair", demo, gpu, demo.open_pair)
 
 
 @pytest.fixture(scope="session")

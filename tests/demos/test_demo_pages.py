@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import base64
-import io
+import contextlib
 import re
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import page_tools
 import pytest
-from PIL import Image
 from repeated import few
 
 from taubench_gl.demos.demo import Demo
@@ -29,27 +28,22 @@ FILLED = 0.45
 @pytest.fixture
 def opened(browser) -> Iterator[Any]:
     """opened(file) -> page, checked for console output and requests at the end."""
-    context = browser.new_context(viewport={"width": 1280, "height": 720}, color_scheme="light")
-    faults: list[str] = []
+    usual = {"viewport": {"width": 1280, "height": 720}, "reduced_motion": "no-preference"}
+    with contextlib.ExitStack() as pages:
 
-    def open_page(file, hash: str = "") -> Any:
-        page = context.new_page()
-        page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
-        page.on("pageerror", lambda e: faults.append(str(e)))
-        page.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else faults.append(r.url))
-        page.goto(file.as_uri() + hash)
-        page.wait_for_selector("#drawn[data-value]", state="attached")
-        return page
+        def open_page(file, place: str = "") -> Any:
+            page = pages.enter_context(contextlib.contextmanager(page_tools.opened)(browser, file, place, **usual))
+            page.wait_for_selector("#drawn[data-value]", state="attached")
+            return page
 
-    yield open_page
-    context.close()
-    assert faults == []
+        yield open_page
 
 
 def canvas(page: Any) -> np.ndarray:
     """Pixels of the drawn image, (h, w, 3)."""
-    data = page.evaluate("document.getElementById('drawn').toDataURL('image/png').split(',')[1]")
-    return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")).astype(int)
+    return page_tools.image_of(page.evaluate("document.getElementById('drawn').toDataURL('image/png')"))[
+        ..., :3
+    ].astype(int)
 
 
 def press(page: Any, *keys: str) -> None:

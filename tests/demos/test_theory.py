@@ -13,7 +13,6 @@ from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.demos import theory
 from taubench_gl.demos.lessons import half, jitter
-from taubench_gl.demos.lessons.cost import beside
 from taubench_gl.demos.lessons.counting import compensated_sum, plain_sums, rounded_sum
 from taubench_gl.demos.lessons.noise import expected_many_samples, expected_one_sample
 from taubench_gl.metrics.counts import bin_of, edges
@@ -77,11 +76,6 @@ def test_maxwell_tail_equals_sampled_vectors():
     assert theory.maxwell_tail(0.0, 1.0) == 1.0
 
 
-@pytest.mark.parametrize("value", [0.3, 1.0, 63.99, 64.0, 255.9, 256.1, 1000.0])
-def test_spacing_of_16_bit_floats(value):
-    assert half.half_step(value) == np.spacing(np.float16(np.floor(value) if value > 1 else value))
-
-
 def test_discard_rate_of_random_light_samples():
     """One pixel, two lamps of 0 and 1: one sample gives 0 or 2, so two frames differ with probability 1/2."""
     per_lamp = np.zeros((2, 1, 1, 3))
@@ -102,28 +96,20 @@ def test_innermost_pixel_of_a_region():
         theory.innermost_pixel(np.zeros((3, 3), dtype=bool))
 
 
-def test_labels_of_overlapping_dots_are_moved_apart():
-    alone, pair, same = (0.0, 0.0), [(100.0, 0.0), (106.0, 8.0)], [(50.0, 50.0)] * 2
-    where = beside(np.array([alone, *pair, *same]), 17.0)
-    assert where[0] == (0.0, 0.0)
-    assert where[1] == pytest.approx((-10.2, -13.6)) and where[2] == pytest.approx((10.2, 13.6))  # along (3, 4) / 5
-    assert where[3:] == [(-17.0, 0.0), (17.0, 0.0)]
-
-
 def test_ground_is_kept_where_no_row_changes():
-    """One row: at y = 0.5 the ground is 193 m away; 0.1 m closer is the same row, 0.2 m is a discard of that row."""
-    assert theory.ground_discards(90, 1.6, 96.5, 0.0, 0.125) == 0.0
-    assert theory.ground_discards(2, 1.0, 96.5, 0.1, 0.125) == 0.0
-    assert theory.ground_discards(2, 1.0, 96.5, 0.2, 0.125) == 50.0
+    """One row: at y = 0.5 the ground is 193 m away; 0.1 m closer is the same row, 0.2 m is another distance."""
+    assert not np.any(theory.ground_distance((1, 90), 1.6, 96.5, 0.0) > 1e-9)
+    assert theory.ground_distance((1, 2), 1.0, 96.5, 0.1)[:, 0] == pytest.approx([0.0, 0.1])
+    assert theory.ground_distance((1, 2), 1.0, 96.5, 0.2)[:, 0] == pytest.approx([0.0, 0.2])
 
 
-def test_ground_distances_agree_with_the_rows_of_ground_discards():
-    """In the middle column the lateral part vanishes; rows there are those of the one-dimensional count."""
+def test_ground_distances_are_those_of_the_nearest_rows():
+    """In the middle column the lateral part vanishes: the row nearest to eye focal / (z + step) shows its own z."""
     height, eye, focal, step = 400, 1.6, 300.0, 1.3
     column = theory.ground_distance((1, height), eye, focal, step)[:, 0]
-    for threshold in (0.05, 0.12, 0.5, 1.2):
-        expected = theory.ground_discards(height, eye, focal, step, threshold)
-        assert 100.0 * np.mean(column > threshold) == pytest.approx(expected, abs=1e-9)
+    then = eye * focal / np.arange(0.5, height / 2) + step
+    nearest = np.floor(eye * focal / then) + 0.5
+    assert column[height // 2 :] == pytest.approx(np.abs(eye * focal / nearest - then))
     assert np.all(column[: height // 2] == 0.0)
 
 
@@ -138,9 +124,8 @@ def test_share_of_other_pixels_by_precision(bits):
 
 
 def test_in_half_is_float16_at_11_bits():
-    motion = np.random.default_rng(2).uniform(-300.0, 300.0, 1000)
-    step = half.half_step(motion)
-    assert np.array_equal(np.round(motion / step) * step, motion.astype(np.float16).astype(np.float64))
+    motion = np.random.default_rng(2).uniform(-300.0, 300.0, 1000).astype(np.float32)
+    assert np.array_equal(half.in_half(motion, 11), motion.astype(np.float16).astype(np.float32))
 
 
 def test_spread_of_a_still_edge_is_that_of_offsets_and_pixels():

@@ -48,15 +48,10 @@ def scene(generator: str = "", *, lights: int = 0, image_based: bool = False, dr
     ],
 )
 def test_light_unit_of_the_generator(generator, unit):
-    assert light_unit_of(scene(generator)).value == unit
-    assert without_auto(scene(generator), Settings(**AUTO)).lighting.light_unit == unit
-
-
-@pytest.mark.parametrize("unit", ["watt", "candela"])
-def test_a_given_unit_stays(unit):
-    assert (
-        without_auto(scene("Khronos glTF Blender I/O v4.5.51"), Settings(light_unit=unit)).lighting.light_unit == unit
-    )
+    made = scene(generator)
+    assert light_unit_of(made).value == without_auto(made, Settings(**AUTO)).lighting.light_unit == unit
+    for given in ("watt", "candela"):
+        assert without_auto(made, Settings(light_unit=given)).lighting.light_unit == given
 
 
 @pytest.mark.parametrize(

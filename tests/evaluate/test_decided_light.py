@@ -72,10 +72,17 @@ def test_the_diffuse_lobe_of_a_diffuse_scene_has_its_columns():
         assert summary["lobes"]["glossy"][bounce]["mean_percent"] < max(whole, 1.0)
 
 
-@pytest.mark.parametrize("changes", [{"spp": 2}, {"exact": True}, {"samples_per_pixel": 2}, {"columns": ("position",)}])
-def test_what_compares_images_decides_no_pixels(changes):
-    settings = fixed_settings(**TRACED)
-    assert light_plan(settings, True) is LightPlan.DECIDED is not light_plan(settings.replace(**changes), True)
+def test_light_of_images_is_neither_decided_nor_sampled():
+    plans = {"path-traced": LightPlan.DECIDED, "auto": LightPlan.SAMPLED, "preview": LightPlan.PREVIEW}
+    plans["raster"] = LightPlan.FIXED
+    for light, plan in plans.items():
+        settings = fixed_settings(**TRACED | {"light": light})
+        assert light_plan(settings, True) is plan
+        images = light_plan(settings, False)
+        assert images is (LightPlan.PREVIEW if light in ("auto", "preview") else LightPlan.FIXED)
+        for changes in ({"exact": True}, {"samples_per_pixel": 2}, {"columns": ("position",)}):
+            assert light_plan(settings.replace(**changes), True) is images, (light, changes)
+    assert light_plan(fixed_settings(**TRACED, spp=2), True) is LightPlan.FIXED
 
 
 def test_images_of_a_session_that_samples_nothing_have_a_number_of_samples():

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from fixed import fixed_settings
 
-from taubench_gl.animation import Poser
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.run import Run
-from taubench_gl.scene import load_scene
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -60,10 +58,3 @@ def test_a_scene_that_starts_at_frame_101(keys):
     assert run.summary["camera"]["position"]["mean"] == pytest.approx(0.05 / 3, rel=1e-5)
     assert len(pairs_with(run, "frustum")) == 48
     assert not any("before the first key" in note for note in run.summary["notes"])
-
-
-def test_step_keys_of_a_player(data):
-    scene = load_scene(data / "reports4" / "players" / "step-float32-keys.glb")
-    poser, node = Poser(scene, 24.0), scene.nodes.names.index("step")
-    x = [poser.sample(frame / 24).world[node, 0, 3] for frame in range(49)]
-    assert x == [0.0] * 8 + [1.0] * 29 + [2.0] * 12

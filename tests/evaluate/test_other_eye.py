@@ -11,17 +11,15 @@ from lamp_scenes import matte_room
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.animation.eyes import other_eye
-from taubench_gl.animation.pairs import reprojection, sky_directions
+from taubench_gl.animation.pairs import sky_directions
 from taubench_gl.api import pairs
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import evaluate_scene, open_session
+from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.decided_pixels import Decisions, PreviewPair
 from taubench_gl.evaluation.histories import merge_histories
-from taubench_gl.features import COLUMNS, MASK_WORDS
-from taubench_gl.metrics.counts import counts_of
+from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.histories import uses_other_eye
-from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reuse_rate import RATE_BITS
 from taubench_gl.metrics.sampled_light import PixelMasks
 from taubench_gl.paths import ASSETS
@@ -106,30 +104,6 @@ def room():
     camera = b.camera(translation=(0.11, 0.07, 0.9), yfov=YFOV, znear=0.05, zfar=100.0)
     b.animate(camera, "translation", [0, 1], [(0.11, 0.07, 0.9), (0.5, 0.07, 0.9)])
     return b.build()
-
-
-@pytest.mark.parametrize("more", [{}, {"convergence": 2.0, "eye": "right"}, {"sampling": "bilinear", "eyes": 0.3}])
-def test_masks_and_counts_equal_numpy(more):
-    scene, lit = room(), {"indirect": "none"}
-    given = settings(columns=(*GEOMETRIC, "direct"), **lit, **more)
-    names = ("position", "normal", "direct")
-    [pair] = pairs(scene, given)
-    with open_session(scene, given) as session:
-        list(session.pairs())
-        with session.gpu:
-            now, before = ({n: session.source.read(n, previous=old) for n in names} for old in (False, True))
-        row = session.tally.rows[0]
-    camera, state = choose_camera(scene), Poser(scene).sample(1.0 / given.sequence.fps)
-    views = camera.view_at(state), other_eye(scene, camera, given).view_at(state)
-    step = reprojection(*views, 96, 54)
-    limits = {name: given.metrics.threshold(name) for name in ("color", "position", "normal", "direct", "indirect")}
-    expected = pair_masks(now, before, step, limits, sampling=given.metrics.sampling)
-    assert np.count_nonzero(pair.mask != expected.mask) <= 2  # distances at their threshold in float32
-    counted = counts_of(np.bincount(pair.mask.ravel(), minlength=MASK_WORDS))
-    assert {name: row[name] for name in counted if name in row and row[name] is not None} == {
-        name: value for name, value in counted.items() if row.get(name) is not None
-    }
-    assert row["position"] > 20 and row["direct"] > 0
 
 
 def test_both_eyes_see_the_same_time():

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from fixed import fixed_settings
 
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
-from taubench_gl.evaluation import ChannelPair, Observers, PairEvaluator, evaluate_scene
+from taubench_gl.evaluation import ChannelPair, PairEvaluator
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.paths import ASSETS
-from taubench_gl.run import FRAMES_FILE, read_frames
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
@@ -95,15 +92,3 @@ def test_textures_thresholds_and_declared_bits_of_the_caller(context):
     assert 0 < found[0] <= found[1]
     for part in (evaluator, source):
         part.release()
-
-
-def test_interrupt_keeps_the_pair_that_is_not_read_yet(tmp_path: Path):
-    """Counts are read one pair late; after an interrupt the last submitted pair is still written."""
-
-    def stop(progress) -> None:
-        if progress.done == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        evaluate_scene(ASSETS / "demo.glb", SETTINGS.replace(frames=(0, 9)), Observers(progress=stop), out=tmp_path)
-    assert [row["frame"] for row in read_frames(tmp_path / FRAMES_FILE)] == [1, 2, 3]

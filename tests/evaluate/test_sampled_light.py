@@ -187,17 +187,6 @@ def test_noise_of_images_is_noted_only_where_columns_are_of_images():
     assert len(noisy.notes(settings)) == 1 and noisy.notes(settings, of_images=False) == []
 
 
-@pytest.mark.parametrize(
-    "changes", [{"light": "raster"}, {"light": "preview"}, {"exact": True}, {"samples_per_pixel": 2},
-                {"columns": ("position",)}, {"light": "path-traced", "spp": 1}],
-)  # fmt: skip
-def test_what_is_not_sampled_has_no_interval(changes):
-    settings = fixed_settings(**DEMO_SETTINGS | {"frames": (20, 22)} | changes)
-    summary = evaluate_scene(DEMO, settings, sampled=True).summary
-    assert "sampled_light" not in summary
-    assert all("interval95_percent" not in entry for entry in summary["discard"].values())
-
-
 def test_rounds_visit_other_pairs_until_all_had_a_visit():
     visits = [visit for number in range(6) for visit in round_of(number, 20, seed=0)]
     assert len(set(visits)) == len(visits) == 48

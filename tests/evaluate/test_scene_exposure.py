@@ -16,7 +16,7 @@ from taubench_gl.apps.cli import cli
 from taubench_gl.datasets.camera_path import PRESETS
 from taubench_gl.datasets.stress import Moves, stress
 from taubench_gl.evaluation import resolve_lighting
-from taubench_gl.evaluation.exposure import FOLDER, METERED_SIZE, _cache_file, _metering, pixel_order
+from taubench_gl.evaluation.exposure import FOLDER, _cache_file, _metering
 from taubench_gl.paths import ASSETS, CACHE_VARIABLE
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera
@@ -131,12 +131,3 @@ def test_inspect_prints_the_exposure(cache):
     assert done.exit_code == 0, done.output
     facts = json.loads(done.stdout)["exposure"]
     assert facts["value"] == expected and facts["reason"]
-
-
-def test_metered_pixels_are_those_of_an_independent_halton_sequence():
-    from scipy.stats import qmc
-
-    points = qmc.Halton(2, scramble=False).random(8 * METERED_SIZE[0] * METERED_SIZE[1])
-    columns, rows = (points * METERED_SIZE).astype(np.int64).T
-    _, first = np.unique(rows * METERED_SIZE[0] + columns, return_index=True)
-    np.testing.assert_array_equal(pixel_order(), np.stack([columns, rows], axis=1)[np.sort(first)])

@@ -74,9 +74,7 @@ def test_rows_that_are_empty_doubled_swapped_or_missing(folder):
     cases = {
         "none": lines[:1],
         "empty": [*lines[:2], "," * lines[0].count(",") + "\n", *lines[3:]],
-        "doubled": [*lines[:3], lines[2], *lines[3:]],
         "swapped": [lines[0], lines[2], lines[1], *lines[3:]],
-        "missing": [*lines[:2], *lines[3:]],
         "last": lines[:-1],
         "torn": [*lines[:-1], lines[-1].rstrip("\n")],
     }

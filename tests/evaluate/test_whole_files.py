@@ -15,7 +15,6 @@ from repeated import few
 
 from taubench_gl import evaluate
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import write_arrays
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
 
@@ -58,13 +57,6 @@ def complete(tmp_path_factory) -> dict[str, int]:
     return {name: (out / name).stat().st_size for name in whole_files(out)}
 
 
-def test_every_kind_of_file_is_written(complete):
-    assert {SUMMARY_FILE, FRAMES_FILE, "mask.png", "frames.png", "frames.svg", "tables.txt", "report.html"} <= set(
-        complete
-    )
-    assert any(name.startswith("masks/") for name in complete) and any(name.endswith(".webp") for name in complete)
-
-
 @pytest.mark.parametrize("too_large", few(["mask.png", "report.html", "frames.png", "masks/mask_00002.png"], 1))
 def test_a_full_disk_leaves_whole_files_and_no_summary(complete, tmp_path, too_large):
     """The limit is below the size of one file: it, and every larger one, cannot be written.  Sizes vary a little."""
@@ -92,16 +84,6 @@ def test_summary_is_the_last_file(tmp_path, monkeypatch):
     assert names[-1] == SUMMARY_FILE and names.count(SUMMARY_FILE) == 1
     others = {path.name for path in tmp_path.rglob("*") if path.is_file()}
     assert others == set(names)
-
-
-def test_arrays_appear_complete_or_not_at_all(tmp_path):
-    values = np.random.default_rng(0).random(10_000)
-    with largest_file(1000), pytest.raises(OutputError):
-        write_arrays(tmp_path / "a.npz", {"values": values})
-    assert not list(tmp_path.iterdir())
-    write_arrays(tmp_path / "a.npz", {"values": values})
-    with np.load(tmp_path / "a.npz") as arrays:
-        np.testing.assert_array_equal(arrays["values"], values)
 
 
 SMALL = {"size": "64x36", "columns": "frustum,position"}

@@ -139,12 +139,6 @@ def test_invalid_options(tmp_path, taubench, arguments, named):
     assert code == 2 and named in err and not (tmp_path / "out").exists()
 
 
-def test_the_command(tmp_path, taubench):
-    options = ("--size", "16x9", "--frames", "0:2", "--channels", "depth,motion", "--format", "npz")
-    code, out, _ = taubench("export", DEMO, "--out", tmp_path / "o", *options)
-    assert code == 0 and "2 frames written: depth, motion" in out
-
-
 def test_folder_with_a_partial_manifest_is_usable(tmp_path):
     """A killed export leaves a partial manifest."""
     settings = fixed_settings(width=WIDTH, height=HEIGHT, frames=(0, 1))

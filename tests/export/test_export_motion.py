@@ -9,12 +9,10 @@ import pytest
 from export_tools import DEMO, HEIGHT, WIDTH, drawn, settings
 
 from taubench_gl.animation import Poser, choose_camera, pose_vertices
-from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.features import MASK_WORDS
 from taubench_gl.metrics.counts import counts_of
-from taubench_gl.metrics.reprojection import reproject
 from taubench_gl.scene import load_scene
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
@@ -67,27 +65,6 @@ def test_motion_follows_vertices(scene, frames, name, step):
         assert np.nanmax(np.abs(got - expected)) < 0.25
         assert np.nanmedian(np.abs(got - expected)) < 0.02
     assert compared > 20
-
-
-@pytest.mark.parametrize(("name", "step"), [("motion", -1), ("motion_forward", 1)])
-def test_motion_equals_the_float64_reference(scene, frames, name, step):
-    """Forward motion is projected with the next camera; it is not negated backward motion.  Within 0.01 px."""
-    poser, camera = Poser(scene), choose_camera(scene)
-    for number, frame in frames.items():
-        other = camera.view_at(poser.sample((number + step) / FPS))
-        assert np.any(other.position != frame.view.position)
-        pair = reprojection(frame.view, other, WIDTH, HEIGHT)
-        position = np.concatenate([frame.channels["position"], frame.channels["depth"]], axis=-1).astype(np.float64)
-        reference = reproject(pair, position).motion_px
-        got = frame.channels[name]
-        # For static surfaces the reference of camera reprojection is exact.
-        moved = drawn_moves(scene, frame, step)
-        assert (~moved).mean() > 0.5
-        difference = np.abs(got - reference)[~moved]
-        assert np.nanmax(difference) < 0.01
-        assert np.isnan(got[~moved]).sum() == np.isnan(reference[~moved]).sum()
-        forward, backward = frame.channels["motion_forward"], frame.channels["motion"]
-        assert np.nanmax(np.abs(forward + backward)) > 0.05
 
 
 def drawn_moves(scene, frame, step) -> np.ndarray:

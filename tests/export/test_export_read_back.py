@@ -28,12 +28,6 @@ def test_buffered_frames_equal_immediate_ones(jitter: str) -> None:
     assert not np.array_equal(immediate[1].channels["color"], immediate[2].channels["color"])
 
 
-def test_only_requested_channels_are_read(frames) -> None:
-    (frame,) = drawn([9], names=("depth",), buffered=True)
-    assert set(frame.channels) == {"depth"}
-    same(frame.channels["depth"], frames[9].channels["depth"])
-
-
 def test_an_image_holds_the_contents_at_its_start(gpu, monkeypatch) -> None:
     size = (7, 5)
     texture = gpu.ctx.texture(size, CHANNELS["normal"].components, dtype="f4")
@@ -51,10 +45,3 @@ def test_an_image_holds_the_contents_at_its_start(gpu, monkeypatch) -> None:
     assert np.array_equal(reader.start(texture, "normal").get(), values[3])
     reader.release()
     texture.release()
-
-
-def test_buffering_is_chosen_by_device(gpu) -> None:
-    from dataclasses import replace
-
-    assert ChannelReader(replace(gpu, software=False)).buffered
-    assert not ChannelReader(replace(gpu, software=True)).buffered

@@ -35,13 +35,3 @@ def test_golden(gpu, data, name: str) -> None:
 
 def test_goldens_are_those_of_the_cases() -> None:
     assert {p.name for p in FOLDER.glob("*.npz")} == {golden_file(n).name for n in CASES}
-
-
-@pytest.mark.parametrize("name", list(CASES))
-def test_goldens_hold_a_picture(name: str) -> None:
-    """Not blank, not all one thing: a golden of nothing agrees with anything."""
-    golden = np.load(golden_file(name))
-    covered = (golden["depth"] > 0).mean()
-    assert 0.01 < covered <= 1.0
-    assert len(np.unique(golden["normal"].reshape(-1, 3), axis=0)) > 1 or name in ("SimpleSkin.gltf",)
-    assert "llvmpipe" in str(golden["renderer"])

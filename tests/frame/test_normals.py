@@ -9,7 +9,6 @@ import pytest
 from frame_tools import (
     draw_frame,
     find_scene,
-    looking_at,
     make_scene,
     picture,
     primitive,
@@ -21,7 +20,7 @@ from frame_tools import (
 from taubench_gl.frame.geometry import make_tangents
 from taubench_gl.math3d import affine
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.model import Camera, Material, MorphTarget, Sampler, Texture
+from taubench_gl.scene.model import Camera, Material, MorphTarget, Texture
 
 SIZE = (64, 36)
 LENS = Camera(yfov=1.0, znear=0.01, zfar=100.0)
@@ -104,26 +103,6 @@ def test_flattened_onto_a_plane_keeps_that_planes_normal(gpu) -> None:
     """Scale (1, 1, 0): the cofactors still know where the surface faces."""
     scene = placed(np.diag([1.0, 1.0, 0.0]), tilted(True, 0.5))
     np.testing.assert_allclose(middle(gpu, scene), [0, 0, 1], atol=1e-6)
-
-
-def test_flat_and_smooth(gpu) -> None:
-    """A roof: with vertex normals the ridge is round, without them each side has its own."""
-    corners = [[-1, -1, -0.5], [0, -1, 0], [0, 1, 0], [-1, 1, -0.5], [1, -1, -0.5], [1, 1, -0.5]]
-    triangles = [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
-    side = np.array([[-0.5, 0, 1], [0, 0, 1], [0, 0, 1], [-0.5, 0, 1], [0.5, 0, 1], [0.5, 0, 1]])
-    side /= np.linalg.norm(side, axis=-1, keepdims=True)
-    for normals in (None, side.astype(np.float32)):
-        scene = make_scene(primitive(corners, triangles, normals=normals), matrices=[AHEAD])
-        channels, _ = draw_frame(gpu, scene, still_camera(LENS), SIZE, ("position", "normal"))
-        row, position = channels["normal"][18, :, :3], channels["position"][18]
-        for x in np.flatnonzero(position[:, 3] > 0):
-            along = position[x, 0]  # -1 .. 1 across the roof
-            if normals is None:
-                expected = np.array([np.sign(along) * 0.5, 0, 1])
-            else:
-                t = abs(along)
-                expected = (1 - t) * np.array([0, 0, 1]) + t * side[0 if along < 0 else 4]
-            np.testing.assert_allclose(row[x], expected / np.linalg.norm(expected), atol=1e-4)
 
 
 TILT = np.array([0.6, 0.48, 0.64])  # a unit vector in tangent space: right, up, out
@@ -210,30 +189,3 @@ def test_morphed_normals(gpu) -> None:
     scene = make_scene(wall(targets=(MorphTarget(lean, None),)), matrices=[AHEAD])
     scene.nodes.weights[1] = np.array([1.0])
     np.testing.assert_allclose(middle(gpu, scene), normal, atol=1e-6)
-
-
-def test_normals_in_a_tilted_view(gpu) -> None:
-    """Normals are in world axes: turning the camera does not turn them."""
-    scene = make_scene(tilted(True), matrices=[AHEAD])
-    eye = np.array([2.0, 1.0, 0.5])
-    got = middle(gpu, scene, eye=eye, rotation=looking_at(eye, (0, 0, -3)))
-    np.testing.assert_allclose(got, np.array([1, 0, 1]) / np.sqrt(2), atol=1e-6)
-
-
-def test_alpha_mask_cuts_at_its_cutoff(gpu) -> None:
-    """Left half alpha 100, right half 160: cutoff 0.5 keeps the right, 0.3 both, 0.7 none; blended: from 0.5 up."""
-    pixels = np.full((4, 4, 4), 255)
-    pixels[:, :2, 3], pixels[:, 2:, 3] = 100, 160
-    texture = Texture(0, Sampler(9728, 9728, 33071, 33071))
-    for mode, cutoff, left, right in (
-        ("MASK", 0.5, False, True),
-        ("MASK", 0.3, True, True),
-        ("MASK", 0.7, False, False),
-        ("BLEND", 0.9, False, True),
-        ("OPAQUE", 0.9, True, True),
-    ):
-        material = Material(base_color_texture=texture, alpha_mode=mode, alpha_cutoff=cutoff)
-        scene = make_scene(wall(material=0), matrices=[AHEAD], materials=(material,), images=(picture(pixels),))
-        channels, _ = draw_frame(gpu, scene, still_camera(LENS), SIZE, ("position", "normal"))
-        drawn = channels["position"][18, :, 3] > 0
-        assert (bool(drawn[26]), bool(drawn[38])) == (left, right), (mode, cutoff)

@@ -9,7 +9,6 @@ from frame_tools import (
     FormulaCamera,
     draw_pair,
     find_scene,
-    looking_at,
     make_scene,
     picture,
     primitive,
@@ -21,7 +20,6 @@ from frame_tools import (
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import Reason
 from taubench_gl.metrics.counts import counts_of
-from taubench_gl.metrics.reuse_rate import ReuseStats
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera, Material, Sampler, Texture
 
@@ -99,30 +97,6 @@ def test_moving_the_world_changes_nothing(gpu) -> None:
     assert counts_of(mask_histograms[0])["position"] > 1000
 
 
-@pytest.mark.parametrize(("shift", "off_screen"), [(-5, 5), (7, 0), (0, 0)])
-def test_reuse_of_a_wall_that_fills_a_known_part_of_the_image(gpu, shift: int, off_screen: int) -> None:
-    """The wall fills the 40 left columns of 160, whatever was there before; a camera that moves left uncovers some."""
-    w, h, columns = 160, 90, 40
-    pixel = 2.0 / h
-
-    def place(t):
-        return np.array([shift * pixel * t, 0.0, 0.0]), np.eye(3)
-
-    edge = (columns - w / 2 + shift) * pixel  # in the current frame, t = 1
-    wall = make_scene(quad((-50.0, -50.0, -4.0), (edge + 50.0, 0, 0), (0, 100.0, 0)))
-    camera = FormulaCamera(Camera(kind="orthographic", ymag=1.0, znear=0.5, zfar=20.0), place)
-    histogram = draw_pair(gpu, wall, camera, (w, h), (0.0, 1.0)).counts.mask_histogram
-    stats = ReuseStats({"direct": "no light", "indirect": "no light"})
-    stats.add(histogram)
-    block = stats.block("camera", np.zeros(1, dtype=bool))
-    assert block["sky_percent"] == 75.0
-    assert block["surface"]["mean_percent"] == 100.0 * (columns - off_screen) / columns
-    assert block["surface"]["of_picture_percent"] == 100.0 * (columns - off_screen) / w
-    reasons = {name: entry["pixels"] for name, entry in block["reasons"].items() if entry["pixels"]}
-    assert reasons == ({"outside": off_screen * h} if off_screen else {})
-    assert counts_of(histogram)["frustum"] == abs(shift) * h  # of all pixels, sky among them
-
-
 def noise_wall(distance: float, half: float):
     """A wall across the view with a random texture, one color per texel, nearest filtering."""
     pixels = np.random.default_rng(3).integers(0, 256, (64, 64, 4))
@@ -185,12 +159,3 @@ def test_parallel_sky_shifts_with_the_camera(gpu) -> None:
     result = draw_pair(gpu, scene, track, (160, 90), (0.0, 1.0))
     assert counts_of(result.counts.mask_histogram)["outside"] == 2 * 90
     np.testing.assert_allclose(result.motion[..., 0], 2.0, atol=1e-4)
-
-
-def test_still_sponza(gpu, data) -> None:
-    scene = load_scene(find_scene(data, "Sponza.gltf"))
-    eye = (4.0, 2.0, 0.3)
-    track = still_camera(Camera(yfov=0.9, znear=0.05, zfar=200.0), eye, looking_at(eye, (-6.0, 2.5, -0.2)))
-    for reprojection, sampling in (("camera", "nearest"), ("motion", "bilinear")):
-        assert_still(draw_pair(gpu, scene, track, (640, 360), (0.0, 1.0), reprojection=reprojection,
-                               sampling=sampling, thresholds=ZERO))  # fmt: skip

@@ -5,12 +5,15 @@ from __future__ import annotations
 import base64
 import json
 import random
-import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1] / "scene"))
+from gltf_files import Gltf, glb
 
 AFF = """v from 0 1 6 at 0 0 0 up 0 1 0 angle 45 hither 0.1 resolution 24 16
 am .2 .2 .2
@@ -63,48 +66,25 @@ WORDS = ["nan", "inf", "-1", "0", "1e30", "1e39", "-1e308", "1e-45", "9999999999
 NUMBERS = ["0", "-0", "1", "-1", "2", "3", "7", "0.5", "-1.5", "1e-45", "1e-20", "1e15", "1e29", "-1e29", "360"]
 
 
-class _Seed:
-    """A skinned, morphed, lit and animated scene in a few hundred bytes of buffer."""
-
-    def __init__(self) -> None:
-        self.blob = b""
-        self.json: dict = {"asset": {"version": "2.0"}, "bufferViews": [], "accessors": []}
-
-    def add(self, values: object, kind: str, dtype: str = "f4", bounds: bool = True) -> int:
-        array = np.asarray(values, dtype=dtype)
-        rows = array.reshape(len(array), -1)
-        self.blob += bytes(-len(self.blob) % 4)
-        view = {"buffer": 0, "byteOffset": len(self.blob), "byteLength": array.nbytes}
-        self.json["bufferViews"].append(view)
-        component = {"f4": 5126, "u2": 5123, "u1": 5121}[dtype]
-        accessor = {"bufferView": len(self.json["bufferViews"]) - 1, "componentType": component, "count": len(rows)}
-        accessor |= {"type": kind}
-        if bounds:
-            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-        self.json["accessors"].append(accessor)
-        self.blob += array.tobytes()
-        return len(self.json["accessors"]) - 1
-
-
 def gltf_seed() -> tuple[dict, bytes]:
-    """(JSON without its buffer, buffer)."""
-    s = _Seed()
+    """A skinned, morphed, lit and animated scene: JSON without its buffer, and a buffer of a few hundred bytes."""
+    s = Gltf()
     square = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
     attributes = {
-        "POSITION": s.add(square, "VEC3"),
-        "NORMAL": s.add([[0, 0, 1]] * 4, "VEC3"),
-        "JOINTS_0": s.add([[0, 1, 0, 0]] * 4, "VEC4", "u2"),
-        "WEIGHTS_0": s.add([[0.5, 0.5, 0, 0]] * 4, "VEC4"),
-        "TEXCOORD_0": s.add([[0, 0], [1, 0], [1, 1], [0, 1]], "VEC2"),
+        "POSITION": s.accessor(square),
+        "NORMAL": s.accessor([[0, 0, 1]] * 4),
+        "JOINTS_0": s.accessor([[0, 1, 0, 0]] * 4, "u2"),
+        "WEIGHTS_0": s.accessor([[0.5, 0.5, 0, 0]] * 4),
+        "TEXCOORD_0": s.accessor([[0, 0], [1, 0], [1, 1], [0, 1]]),
     }
     plain = {name: attributes[name] for name in ("POSITION", "NORMAL", "TEXCOORD_0")}
-    indices = s.add([0, 1, 2, 0, 2, 3], "SCALAR", "u2")
-    target = {"POSITION": s.add([[0, 0, 1], [0, 0, 0], [0, 1, 0], [0, 0, 0]], "VEC3")}
-    times = s.add([0.0, 0.25, 0.5], "SCALAR")
-    move = s.add([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "VEC3")
-    spin = s.add([[0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, -1]], "VEC4")
-    swell = s.add([0.0, 1.0, 0.5], "SCALAR")
-    bind = s.add(np.tile(np.eye(4), (2, 1, 1)).reshape(2, 16), "MAT4")
+    indices = s.accessor([0, 1, 2, 0, 2, 3], "u2")
+    target = {"POSITION": s.accessor([[0, 0, 1], [0, 0, 0], [0, 1, 0], [0, 0, 0]])}
+    times = s.accessor([0.0, 0.25, 0.5])
+    move = s.accessor([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    spin = s.accessor([[0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, -1]])
+    swell = s.accessor([0.0, 1.0, 0.5])
+    bind = s.accessor(np.tile(np.eye(4), (2, 1, 1)))
     spot = {"type": "spot", "spot": {}}
     s.json |= {
         "extensionsUsed": ["KHR_lights_punctual"],
@@ -140,7 +120,7 @@ def gltf_seed() -> tuple[dict, bytes]:
             }
         ],
     }
-    return s.json, s.blob
+    return s.json, bytes(s.blob)
 
 
 def write_gltf(
@@ -150,15 +130,8 @@ def write_gltf(
     entry = {"byteLength": len(blob)}
     if path.suffix == ".gltf":
         entry["uri"] = "data:application/octet-stream;base64," + base64.b64encode(blob).decode()
-        path.write_text(
-            text_of(document | {"buffers": [entry | (buffer or {})]}), encoding="utf-8", errors="surrogatepass"
-        )
-        return
     text = text_of(document | {"buffers": [entry | (buffer or {})]}).encode("utf-8", "surrogatepass")
-    text += b" " * (-len(text) % 4)
-    blob += bytes(-len(blob) % 4)
-    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(blob), 0x004E4942) + blob
-    path.write_bytes(struct.pack("<III", 0x46546C67, 2, 12 + len(body)) + body)
+    path.write_bytes(text if path.suffix == ".gltf" else glb(text, blob))
 
 
 def damaged_text(text: str, rng: random.Random) -> bytes:

@@ -42,7 +42,8 @@ def seeds(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def server(tmp_path) -> Iterator[subprocess.Popen[str]]:
-    caches = {"NUMBA_CACHE_DIR": str(tmp_path / "numba"), "MESA_SHADER_CACHE_DIR": str(tmp_path / "mesa")}
+    caches = {"NUMBA_CACHE_DIR": str(tmp_path / "numba"), "MESA_SHADER_CACHE_DIR": str(tmp_path / "mesa"),
+              "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
     threads = {"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     with subprocess.Popen(
         [sys.executable, str(SERVER)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,

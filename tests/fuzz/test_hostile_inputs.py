@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sys
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -36,6 +37,9 @@ from taubench_gl.scene.files import read_image
 from taubench_gl.scene.memory import memory_of
 from taubench_gl.settings import Settings
 from taubench_gl.study.engines import worker_environment
+
+sys.path.append(str(Path(__file__).parents[1] / "scene"))
+from gltf_files import Gltf
 
 pytestmark = pytest.mark.usefixtures("fixed_light")
 
@@ -192,24 +196,14 @@ def test_the_largest_image_is_not_called_damaged(tmp_path):
 
 def gltf(path: Path, node: dict, primitives: int, buffers: list[np.ndarray], **more: object) -> Path:
     """A file whose mesh has ``primitives`` with positions of accessor 0 and indices of accessor 1."""
-    data = b"".join(a.tobytes() for a in buffers)
-    offsets = np.cumsum([0, *(a.nbytes for a in buffers)]).tolist()
-    accessors = [
-        {"bufferView": i, "componentType": 5126 if a.dtype == np.float32 else 5125, "count": len(a),
-         "type": "VEC3" if a.ndim == 2 else "SCALAR"}
-        for i, a in enumerate(buffers)
-    ]  # fmt: skip
-    accessors[0] |= {"min": buffers[0].min(axis=0).tolist(), "max": buffers[0].max(axis=0).tolist()}
-    path.with_suffix(".bin").write_bytes(data)
-    views = [{"buffer": 0, "byteOffset": o, "byteLength": a.nbytes} for o, a in zip(offsets, buffers)]
-    document = {
-        "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "scene": 0, "nodes": [node], "bufferViews": views,
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}] * primitives}],
-        "buffers": [{"uri": path.with_suffix(".bin").name, "byteLength": len(data)}],
-        "accessors": accessors + more.pop("accessors", []),
-    }  # fmt: skip
-    path.write_text(json.dumps(document | more))
-    return path
+    made = Gltf()
+    for array in buffers:
+        made.accessor(array, "f4" if array.dtype == np.float32 else "u4")
+    made.json["accessors"] += more.pop("accessors", [])
+    made.add("meshes", {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}] * primitives})
+    made.node(**node)
+    made.json |= {"scenes": [{"nodes": [0]}], "scene": 0} | more
+    return made.save(path.parent, path.name)
 
 
 TRIANGLE = [np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.uint32([0, 1, 2])]
@@ -221,7 +215,6 @@ def test_instances_without_data_are_refused(tmp_path, count):
     more = {"extensionsUsed": ["EXT_mesh_gpu_instancing"]}
     zeros = [{"componentType": 5126, "type": "VEC3", "count": count}]
     path = gltf(tmp_path / "a.gltf", INSTANCED, 1, TRIANGLE, accessors=zeros, **more)
-    assert path.stat().st_size < 5000
     assert "/nodes/0" in refused(SceneError, lambda: load_scene(path)).where
 
 

@@ -21,27 +21,9 @@ def compute(name: str) -> ComputePass:
     return ComputePass(name, (f"{name}.comp.glsl",))
 
 
-def test_uses_of_one_form_have_different_bindings():
-    p = compute("any").texture("a").image("b").texture("c").image("d", access=WRITE).buffer("e", "uint").image("f")
-    found = [(use.form, binding) for use, binding in p.bindings()]
-    assert len(set(found)) == len(found) == 6
-    assert [binding for form, binding in found if form == "image"] == [0, 1, 2]
-
-
 def test_a_name_is_declared_once():
     with pytest.raises(ValueError):
         compute("any").texture("a").image("a")
-
-
-def test_the_interface_declares_what_is_used():
-    p = compute("any").texture("a").image("b", "rgba16f", access=WRITE).buffer("c", "vec2").image("d", "r32ui")
-    text = p.dispatch((10, 3), (4, 2)).interface()
-    assert "layout(local_size_x = 4, local_size_y = 2) in;" in text
-    assert "layout(binding = 0) uniform sampler2D a;" in text
-    assert "layout(rgba16f, binding = 0) writeonly uniform image2D b;" in text
-    assert "readonly buffer CBuffer { vec2 c[]; };" in text
-    assert "layout(r32ui, binding = 1) readonly uniform uimage2D d;" in text
-    assert "#define a_at(texel) texelFetch(a, texel, 0)" in text and "b_at" not in text
 
 
 @pytest.mark.parametrize(

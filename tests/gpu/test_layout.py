@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import taubench_gl.frame
-from taubench_gl.gpu.layout import TYPES, Field, Struct, column_major
+from taubench_gl.gpu.layout import TYPES, Field, Struct
 
 WORDS = {name: int(np.prod(shape, dtype=int)) for name, (_, shape, _) in TYPES.items()}
 
@@ -101,32 +101,3 @@ def test_every_field_comes_back_bit_for_bit(gpu, name: str) -> None:
     for item in (program, source_buffer, sink):
         item.release()
     np.testing.assert_array_equal(got, np.concatenate(expected))
-
-
-def test_column_major_is_glsls_order(gpu) -> None:
-    """A matrix that moves points: GLSL's M * v is NumPy's M @ v."""
-    matrix = np.arange(16, dtype=np.float64).reshape(4, 4) + 1
-    vector = np.array([1.0, 10, 100, 1000])
-    program = gpu.ctx.compute_shader(
-        """#version 450
-layout(local_size_x = 1) in;
-layout(std430, binding = 0) readonly buffer In { mat4 m; vec4 v; };
-layout(std430, binding = 1) writeonly buffer Out { vec4 r; };
-void main() { r = m * v; }
-"""
-    )
-    source = gpu.ctx.buffer(column_major(matrix).tobytes() + vector.astype("f4").tobytes())
-    sink = gpu.ctx.buffer(reserve=16)
-    source.bind_to_storage_buffer(0)
-    sink.bind_to_storage_buffer(1)
-    program.run()
-    gpu.ctx.memory_barrier()
-    np.testing.assert_array_equal(np.frombuffer(sink.read(), "f4"), matrix @ vector)
-    for item in (program, source, sink):
-        item.release()
-
-
-def test_documentation_travels_into_glsl() -> None:
-    struct = Struct("S", Field("x", "float", "meters, 0..1"), Field("y", "vec4", "color", 2))
-    assert "float x; // meters, 0..1" in struct.glsl and "vec4 y[2]; // color" in struct.glsl
-    assert struct.dtype.itemsize == 48 and struct.dtype.fields["y"][1] == 16

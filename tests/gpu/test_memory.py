@@ -22,11 +22,6 @@ def test_history_that_does_not_fit(gpu, monkeypatch):
     History(gpu, (16, 16), ("position", "normal")).release()
 
 
-def test_the_system_says_what_is_free():
-    free = memory.available_bytes()
-    assert free is None or free > 1_000_000
-
-
 def test_unknown_is_no_reason_to_refuse(gpu, monkeypatch):
     monkeypatch.setattr(memory, "available_bytes", lambda: None)
     memory.require_memory(gpu, 10**15, "anything", "never mind")

@@ -131,19 +131,6 @@ def test_emission_alone_is_emission_beside_base_color(gpu):
     assert np.array_equal(alone, beside) and np.isclose(alone[..., 0], 0.9, atol=1e-3).any()
 
 
-def test_the_color_mask_is_cut_from_encoded_color(gpu):
-    case = Case("directional", 50.0)
-    path = np.array([[-0.8, 0.5, -0.4], [0.2, 0.5, 0.8]])
-    scene = swept(case, box_path=path)
-    settings = {"columns": ("color", "direct"), "indirect": "none", "thresholds": {"color": 0.25}, "exposure": 0.05}
-    mask, _ = mask_of(scene, **settings)
-    with opened(gpu, scene, width=WIDTH, height=WIDTH, fps=1.0, shadow_size=SIZE, **settings) as source:
-        before, after = (shoot(source, frame)["color"][..., :3] for frame in (0, 1))
-    expected = np.abs(before - after).max(axis=-1) > 0.25
-    assert 0.01 < expected.mean() < 0.5
-    assert np.array_equal(mask & Reason.COLOR != 0, expected)
-
-
 @pytest.mark.parametrize("exposure", [0.25, 4.0])
 def test_exposure_and_threshold_are_one_scale(exposure):
     """direct compares radiance x exposure: exposure e with a is exposure 1 with a / e, for powers of 2 exactly."""

@@ -19,15 +19,11 @@ from taubench_gl.features import COLUMNS
 from taubench_gl.frame.materials import image_bytes
 from taubench_gl.frame.passes.lighting import LOBES
 from taubench_gl.frame.passes.pathtracing import hit_options, state_layers
-from taubench_gl.frame.plan import DEPENDS, effect_costs, frame_channels, frame_passes, frame_resources, frame_spec
-from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.plan import effect_costs, frame_channels, frame_passes, frame_resources, frame_spec
 from taubench_gl.frame.spec import AnimatedScene
-from taubench_gl.frame.tuning import Tuning
-from taubench_gl.gpu.declare import IMAGE, TEXTURE, ComputePass
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import busy_room
-from taubench_gl.settings import Settings
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 SIZE = {"width": 64, "height": 48, "shadow_size": 64}
@@ -87,39 +83,6 @@ def check(gpu, scene, chosen) -> None:
 
 
 @pytest.mark.parametrize(
-    ("settings", "shading"),
-    [
-        ({}, Shading()),
-        ({"reprojection": "motion", "indirect": "rsm", "environment": (0.1, 0.1, 0.1)}, Shading()),
-        ({"indirect": "rsm"}, Shading(light_samples=1, indirect_samples=1)),
-        ({"indirect": "rsm"}, Shading(gather_each=True)),
-    ],
-    ids=["probes", "rsm, sky and motion", "stochastic", "gather each"],
-)
-def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
-    """The interface of a shader is generated, so it cannot use what is not declared; nor is more declared."""
-    scene = busy_room(lamps=20)
-    with opened(gpu, scene, shading=shading, **(SIZE | {"columns": Settings().metrics.columns} | settings)) as source:
-        source.advance(0)
-        spec = frame_spec(
-            AnimatedScene(scene),
-            fixed_settings(**SIZE, **settings),
-            source.effects,
-            shading=shading,
-            tuning=Tuning(gpu.software),
-        )
-        compute = [p for p in frame_passes(spec) if isinstance(p, ComputePass) and p.name != "masks"]
-        programs = {key[0][0]: [] for key in source.context.shaders._programs}
-        for key, program in source.context.shaders._programs.items():
-            programs[key[0][0]].append((dict(key[1]), program))
-        for p in compute:
-            (program,) = (q for defines, q in programs[p.shaders[0]] if defines == p.defines)
-            for use in p.uses:
-                if use.form in (TEXTURE, IMAGE):
-                    assert use.name in program, (p.name, p.shaders, use.name)
-
-
-@pytest.mark.parametrize(
     "columns", [COLUMNS, ("frustum",), ("direct",), ("indirect",), ("color",), ("position", "normal")]
 )
 @pytest.mark.parametrize("effects", ["auto", "all"])
@@ -167,15 +130,6 @@ def test_one_lobe_makes_direct_light_write_both():
     spec = frame_spec(AnimatedScene(busy_room(lamps=2)), fixed_settings(**SIZE))
     assert not set(LOBES) & set(frame_channels(spec))
     assert set(LOBES) <= set(frame_channels(replace(spec, extra=("direct_glossy",))))
-
-
-def test_what_effects_depend_on():
-    on_direct = {"shadows", "light_culling", "glossy", "sky", "sun", "point_lights", "spot_lights"}
-    on_direct |= {"directional_lights", "path_traced", "emitter_light", "environment_light"}
-    on_direct |= {"dielectrics", "transmission", "volume"}
-    assert {effect for effect, needed in DEPENDS.items() if "direct" in needed} == on_direct | {"indirect"}
-    assert not any("shadows" in needed for needed in DEPENDS.values())  # lights without maps shine on patches
-    assert not DEPENDS["direct"] and not DEPENDS["normal_maps"]
 
 
 def test_a_channel_is_allocated_only_where_a_pass_reads_or_writes_it():

@@ -6,10 +6,6 @@ import numpy as np
 import pytest
 from light_tools import facing, floor, lambert, opened, shoot
 
-from taubench_gl.frame.materials import MaterialKey
-from taubench_gl.frame.passes.gbuffer import geometry_variant
-from taubench_gl.frame.passes.shadows import merged
-from taubench_gl.frame.scene_buffers import Group
 from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_y
 from taubench_gl.scene.model import Scene
 
@@ -81,48 +77,3 @@ def test_the_cache_does_not_show(gpu):
     for frame in (12, 21):
         with opened(gpu, scene, **SIZE) as source:
             assert np.array_equal(walked[frame], shoot(source, frame).direct), f"frame {frame}"
-
-
-def test_two_runs_give_the_same_bits(gpu):
-    images = []
-    for _ in range(2):
-        with opened(gpu, street(move_box=True, move_light=True), environment=(0.1, 0.2, 0.3), **SIZE) as source:
-            images.append([shoot(source, frame).direct for frame in range(4)])
-    assert np.array_equal(*images)
-
-
-def test_a_kept_map_is_the_map_that_would_be_drawn_now(gpu):
-    """The whole atlas, bit for bit, from two cameras meters apart: a far stricter question than what pixels show."""
-    atlases = []
-    for frames in ((23,), (0, 11, 23), (5,)):
-        with opened(gpu, street(), **(SIZE | {"shadow_size": 512})) as source:
-            for frame in frames:
-                shoot(source, frame)
-            atlases.append(source.light.shadow.depths().copy())
-    assert (atlases[0] > 0).mean() > 0.2
-    assert np.array_equal(atlases[0], atlases[1]) and np.array_equal(atlases[0], atlases[2])
-
-
-OPAQUE, MASKED = (
-    geometry_variant(MaterialKey((), False, True), False),
-    geometry_variant(MaterialKey((), True, True), False),
-)
-
-
-@pytest.mark.parametrize(
-    ("variants", "expected"),
-    [
-        ([OPAQUE, OPAQUE, OPAQUE], [(0, 0, 6)]),
-        ([OPAQUE, MASKED, MASKED], [(0, 0, 2), (1, 2, 2), (2, 4, 2)]),  # the mask is the material's
-        ([OPAQUE, MASKED, OPAQUE], [(0, 0, 2), (1, 2, 2), (2, 4, 2)]),
-    ],
-)
-def test_groups_that_read_no_material_are_one_draw(variants, expected):
-    groups = [Group(False, i, False, False, 2 * i, 2) for i in range(3)]
-    drawn = merged([(g, g.first, g.count) for g in groups], lambda group: (variants[group.material], ()))
-    assert [(group.material, first, count) for group, _, first, count in drawn] == expected
-
-
-def test_fixed_and_posed_groups_stay_apart():
-    groups = [Group(posed, 0, False, False, 2 * i, 2) for i, posed in enumerate((False, True))]
-    assert len(merged([(g, g.first, g.count) for g in groups], lambda group: (OPAQUE, ()))) == 2

@@ -17,7 +17,7 @@ from shadow_tools import Case, on_plane, visibility
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.shadow_faces import SMALLEST_MAP, faces_of, map_sizes, pack, wanted_sizes
 from taubench_gl.frame.tuning import MAX_UNROLLED
-from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned, sphere, turn_x
+from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned, sphere
 from taubench_gl.scene.model import Image, Scene, Texture
 from taubench_gl.selftest.bench import Shot
 
@@ -61,14 +61,6 @@ def test_a_box_at_the_rim_of_a_wide_spot(gpu, elevation, azimuth, shadow_filter)
     plane, _, sure_dark = sure_pixels(case, shot, lit)
     assert np.all(off_axis[plane] < 85.01) and np.any(off_axis[plane] > 84.9), "the cone lights what it should"
     assert np.sum(sure_dark & (off_axis > 80.0)) > 50, "no shadow to be seen at the rim"
-
-
-def test_maps_after_the_most_significant_lights_have_half_the_texels():
-    scene, rows = Case("point", 40.0, 0.0).scene(parts=10), list(range(10))
-    sizes = map_sizes(scene, rows[::-1], 256, 16384)
-    assert sizes == {row: 128 if row in (0, 1) else 256 for row in rows}
-    faces = faces_of(scene, None, rows, (np.zeros(3), 1.0), sizes)
-    assert {face.light: face.resolution for face in faces} == sizes
 
 
 def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu, monkeypatch):
@@ -217,27 +209,6 @@ def test_deformed_casters_cast_the_posed_shape(gpu, how):
     assert differ.sum() <= 3  # rounding of the pose at a texel's edge
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_moving_caster_takes_its_shadow_along(gpu, kind):
-    case, b = Case(kind, 45.0), SceneBuilder()
-    material = lambert(b, 0.5)
-    floor(b, 4.0, material=material)
-    node = b.node(mesh=b.mesh(box(case.half, material=material)))
-    path = np.array([[-1.5, 0.5, -1.0], [1.0, 1.0, 1.5]])
-    b.animate(node, "translation", [0.0, 1.0], path)
-    b.light(translation=case.place, rotation=facing(-case.towards), kind=kind, intensity=10.0, outer_cone=0.87)
-    look_down(b, 4.0)
-    scene = b.build()
-    with opened(gpu, scene, shadow_size=SIZE, width=160, height=160) as source:
-        for frame in (0, 10, 24):
-            shot = shoot(source, frame)
-            now = dataclasses.replace(case, center=tuple(path[0] + frame / 24 * (path[1] - path[0])))
-            plane = on_plane(shot) & (np.hypot(shot.points[..., 0], shot.points[..., 2]) < 3.0)
-            lit, dark = (s & plane for s in now.band(shot.points, 2 * TEXELS, SIZE))
-            assert dark.sum() > 100
-            assert np.all(shot.direct[dark] == 0) and np.all(shot.direct[lit] > 0)
-
-
 def test_bilinear_edges_are_graded_and_hard_edges_are_not(gpu):
     scene = Case("directional", 45.0, 30.0).scene()
     between = {}
@@ -246,20 +217,6 @@ def test_bilinear_edges_are_graded_and_hard_edges_are_not(gpu):
         plane = on_plane(shot)
         between[shadow_filter] = np.mean((lit[plane] > 0.05) & (lit[plane] < 0.95))
     assert between["hard"] == 0 and between["bilinear"] > 0.005
-
-
-@pytest.mark.parametrize("turn", [-90.0, 90.0])
-def test_both_sides_of_a_one_sided_triangle_stop_light(gpu, turn):
-    """Culling is for the camera: a card that shows the light its back still casts."""
-    b = SceneBuilder()
-    floor(b, 3.0, material=lambert(b))
-    b.node(mesh=b.mesh(quad(1.0, 1.0)), translation=(0, 1, 0), rotation=turn_x(turn))
-    b.light(rotation=facing((0.0, -1.0, 0.0)), kind="directional", intensity=1.0)
-    look(b, (2.5, 0.5, 2.5), (0.0, 0.0, 0.0), yfov=0.9)
-    shot, lit = visibility(gpu, b.build(), shadow_size=SIZE)
-    plane = on_plane(shot)
-    inside = np.maximum(np.abs(shot.points[..., 0]), np.abs(shot.points[..., 2])) < 0.9
-    assert (plane & inside).sum() > 100 and np.all(lit[plane & inside] < 0.001)
 
 
 @pytest.mark.parametrize("limit", [16384, 4096, 1024])

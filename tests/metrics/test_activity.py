@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from taubench_gl.metrics.activity import camera_activity, describe, euler_yxz, summarize, translation, wrap_degrees
+from taubench_gl.metrics.activity import camera_activity, describe, summarize, translation, wrap_degrees
 
 
 def rotations(yaw, pitch=0.0, roll=0.0):
@@ -29,11 +29,7 @@ def activity(yaw, pitch=0.0, roll=0.0):
 
 def test_translation_is_the_euclidean_distance():
     assert translation([[0, 0, 0], [3, 4, 0], [3, 4, 0], [3, 4, -2]]).tolist() == [5, 0, 2]
-
-
-def test_translation_of_tiny_and_huge_steps():
-    assert translation([[0, 0, 0], [3e-170, 4e-170, 0]])[0] == pytest.approx(5e-170)
-    assert np.linalg.norm([3e-170, 4e-170, 0]) == 0  # the direct formula underflows
+    assert translation([[0, 0, 0], [3e-170, 4e-170, 0]])[0] == pytest.approx(5e-170)  # squares underflow
     assert translation([[0, 0, 0], [3e200, 4e200, 0]])[0] == pytest.approx(5e200)
 
 
@@ -47,15 +43,6 @@ def test_translation_of_tiny_and_huge_steps():
 )  # fmt: skip
 def test_wrap(difference, expected):
     assert wrap_degrees(difference) == expected
-
-
-@settings(deadline=None)
-@given(st.floats(-720, 720))
-def test_wrap_changes_by_whole_turns_into_the_range(difference):
-    wrapped = float(wrap_degrees(difference))
-    assert -180 < wrapped <= 180
-    turns = (difference - wrapped) / 360
-    assert abs(turns - round(turns)) < 1e-12
 
 
 # --- Eq. (2) -------------------------------------------------------------------------------------------------------
@@ -73,50 +60,25 @@ def test_angle_differences_against_scipy(seed):
     assert np.allclose(a.angle, np.degrees((r[:-1].inv() * r[1:]).magnitude()), atol=1e-6)
 
 
-@settings(deadline=None)
-@given(st.floats(-180, 180), st.floats(-88, 88), st.floats(-180, 180))
-def test_euler_angles_round_trip(yaw, pitch, roll):
-    got = np.degrees(euler_yxz(rotations(yaw, pitch, roll)[0]))
-    assert np.allclose(wrap_degrees(got - [yaw, pitch, roll]), 0, atol=1e-10)
-
-
-@pytest.mark.parametrize("name", ["yaw", "pitch", "roll"])
-def test_axes_are_independent(name):
-    a = activity(**{"yaw": 0.0, name: [0.0, 10.0, 7.0]})
-    for other in ("yaw", "pitch", "roll"):
-        assert np.allclose(getattr(a, other), [10, 3] if other == name else 0, atol=1e-13)
-    assert np.allclose(a.angle, [10, 3])
-
-
 def test_yaw_of_a_tilted_camera_is_about_world_up():
     a = activity([20, 50], pitch=60, roll=15)
     assert np.allclose([a.yaw, a.pitch, a.roll], [[30], [0], [0]], atol=1e-12)
-    # A turn about the camera's Y axis changes pitch; one about the world axis does not.
-    own = Rotation.from_euler("YXZ", [20, 60, 15], degrees=True) * Rotation.from_euler("Y", 30, degrees=True)
-    assert abs(own.as_euler("YXZ", degrees=True)[1] - 60) > 1
 
 
-@pytest.mark.parametrize(("first", "second"), [(359, 1), (179, -179), (-179, 179), (180, -180), (-1, 1)])
-def test_yaw_across_180_degrees(first, second):
-    assert activity([first, second]).yaw[0] == pytest.approx(abs((second - first + 180) % 360 - 180), abs=1e-12)
-
-
-@pytest.mark.parametrize("degrees", [1e-3, 1e-5, 1e-8])
+@pytest.mark.parametrize("degrees", [10.0, -3.0, 1e-3, 1e-5, 1e-8])
 @pytest.mark.parametrize("axis", ["yaw", "pitch", "roll"])
-def test_precision_of_tiny_turns(degrees, axis):
+def test_one_axis_turns_alone_also_by_tiny_steps(degrees, axis):
     steps = 30.0 + degrees * np.arange(5)
     # Exact reference: differences of the float64 angles of the matrices.
-    a = activity(**{"yaw": 20.0, "pitch": 10.0, axis: steps})
-    assert np.allclose(getattr(a, axis), np.diff(steps), rtol=0, atol=3e-14)
-    assert np.allclose(a.angle, np.diff(steps), rtol=0, atol=6e-14)
+    a, exact = activity(**{"yaw": 20.0, "pitch": 10.0, axis: steps}), np.abs(np.diff(steps))
+    for name in ("yaw", "pitch", "roll"):
+        assert np.allclose(getattr(a, name), exact if name == axis else 0, rtol=0, atol=1e-13)
+    assert np.allclose(a.angle, exact, rtol=0, atol=1e-13)
 
 
 def test_geodesic_angle_where_acos_has_no_precision():
     tiny = np.degrees(1e-9)
-    r = rotations([0.0, tiny])
-    assert camera_activity(np.zeros((2, 3)), r).angle[0] == pytest.approx(tiny, rel=1e-6)
-    q = Rotation.from_matrix(r).as_quat()
-    assert np.degrees(2 * np.arccos(min(1.0, abs(q[0] @ q[1])))) == 0.0
+    assert activity([0.0, tiny]).angle[0] == pytest.approx(tiny, rel=1e-6)
 
 
 def test_still_camera_has_exactly_zero_activity():
@@ -139,10 +101,6 @@ def test_pitch_through_90_degrees_without_jumps(step, roll, sign):
     assert np.allclose(a.pitch, step, atol=0.05)
     assert np.all(a.yaw < 0.6) and np.all(a.roll < 0.6)
     assert np.any(a.gimbal) and not a.gimbal[0] and not a.gimbal[-1]
-    # The direct formula flips the camera: yaw and roll jump by 180 degrees.
-    principal = Rotation.from_matrix(rotations(40, pitch, roll)).as_euler("YXZ", degrees=True)
-    plain = np.abs(wrap_degrees(np.diff(principal, axis=0)))
-    assert plain[:, 0].max() > 170 and plain[:, 2].max() > 170
 
 
 def test_pitch_through_exactly_90():
@@ -179,10 +137,7 @@ def test_describe_uses_the_population_variance():
 
 
 def test_describe_of_a_small_variance_around_a_large_mean():
-    values = 1e9 + np.array([-1.0, 1.0] * 500)
-    assert describe(values)["variance"] == 1.0
-    one_pass = np.mean(values**2) - np.mean(values) ** 2
-    assert abs(one_pass - 1.0) > 0.5
+    assert describe(1e9 + np.array([-1.0, 1.0] * 500))["variance"] == 1.0
 
 
 def test_summary_block():

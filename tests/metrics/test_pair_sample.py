@@ -87,14 +87,3 @@ MADE = ("independent", "drifting", "trend")
 @pytest.mark.parametrize(("scheme", "numbers"), SCHEMES)
 def test_coverage_for_synthetic_populations(name, scheme, numbers):
     assert coverage(populations()[name], scheme, numbers) >= 0.9
-
-
-def test_narrow_intervals_fail_the_coverage_test():
-    values = populations()["independent"]
-    rng = np.random.default_rng(7)
-    hits = 0
-    for _ in range(RESAMPLINGS):
-        sample = sample_pairs(len(values), "strata", 8, rng)
-        found = estimate(sample, values[list(sample.positions)])
-        hits += abs(found.mean - values.mean()) <= 0.5 * found.half_width
-    assert hits / RESAMPLINGS < 0.9

@@ -25,12 +25,6 @@ def falling(start, slope):
     return thresholds, start - slope * np.arange(7)
 
 
-def test_one_scene_is_met_exactly():
-    threshold, rates = fit_threshold([falling(60.0, 10.0)], [33.0])
-    assert math.log2(threshold) == pytest.approx(2.7)
-    assert rates == pytest.approx([33.0])
-
-
 def test_two_scenes_have_the_least_squares_of_two_lines():
     """60 - 10 x = 30 and 40 - 5 x = 30 in least squares: x = (30 10 + 10 5) / (10^2 + 5^2)."""
     threshold, rates = fit_threshold([falling(60.0, 10.0), falling(40.0, 5.0)], [30.0, 30.0])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import math
 import os
 import stat
@@ -12,106 +10,48 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.datasets.gltf_writer import Writer
+
 DOWN = [-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
 BASE_COLOR = (0.5, 0.25, 0.125)
-
-
-def encode(data: bytes) -> str:
-    return base64.b64encode(data).decode()
-
-
-def plane(path: Path, lights: list[dict] = (), keys: dict[str, list] | None = None) -> Path:
-    """A 2 m square at y = 0 with a rough dielectric, a camera 3 m above looking down, lights as nodes.
-
-    ``keys``: animated path of the plane's node -> one value per half second, LINEAR.
-    """
-    chunks = [
-        np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]], "<f4"),
-        np.tile(np.array([0, 1, 0], "<f4"), (4, 1)),
-        np.array([0, 1, 2, 0, 2, 3], "<u2"),
-    ]
-    accessors = [
-        {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, 0, -1], "max": [1, 0, 1]},
-        {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC3"},
-        {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"},
-    ]
-    nodes = [{"mesh": 0, "name": "plane"}, {"camera": 0, "translation": [0, 3, 0], "rotation": DOWN}]
-    animations = []
-    for name, values in (keys or {}).items():
-        values = np.array(values, "<f4")
-        times = (0.5 * np.arange(len(values))).astype("<f4")
-        last = float(times[-1])
-        accessors.append({"bufferView": len(chunks), "componentType": 5126, "count": len(times), "type": "SCALAR",
-                          "min": [0.0], "max": [last]})  # fmt: skip
-        accessors.append({"bufferView": len(chunks) + 1, "componentType": 5126, "count": len(values),
-                          "type": f"VEC{values.shape[1]}"})  # fmt: skip
-        chunks += [times, values]
-        sampler = {"input": len(accessors) - 2, "output": len(accessors) - 1}
-        # One animation per channel: Blender's importer mutes all but one.
-        channel = {"sampler": 0, "target": {"node": 0, "path": name}}
-        animations.append({"name": name, "samplers": [sampler], "channels": [channel]})
-    for i, light in enumerate(lights):
-        nodes.append(light["node"] | {"extensions": {"KHR_lights_punctual": {"light": i}}})
-    blob, views = b"", []
-    for chunk in chunks:
-        views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": chunk.nbytes})
-        blob += chunk.tobytes() + b"\0" * (-chunk.nbytes % 4)
-    material = {"baseColorFactor": [*BASE_COLOR, 1], "metallicFactor": 0, "roughnessFactor": 1}
-    root = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": list(range(len(nodes)))}],
-        "nodes": nodes,
-        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}],
-        "materials": [{"pbrMetallicRoughness": material}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "material": 0}]}],
-        "buffers": [
-            {"byteLength": len(blob), "uri": "data:application/octet-stream;base64," + base64.b64encode(blob).decode()}
-        ],
-        "bufferViews": views,
-        "accessors": accessors,
-    }
-    if animations:
-        root["animations"] = animations
-    if lights:
-        root["extensionsUsed"] = ["KHR_lights_punctual"]
-        root["extensions"] = {"KHR_lights_punctual": {"lights": [light["light"] for light in lights]}}
-    path.write_text(json.dumps(root))
-    return path
 
 
 LAMP = {"light": {"type": "point", "intensity": 10.0}, "node": {"translation": [0, 2, 0]}}
 
 
+def plane_writer(lights: list[dict] = (), keys: dict[str, list] | None = None, eye: list[float] = DOWN) -> Writer:
+    """A 2 m square at y = 0 with a rough dielectric, a camera 3 m above, lights as nodes from number 2 on.
+
+    ``keys``: animated path of the plane's node -> one value per half second, LINEAR.  ``eye``: rotation of the camera.
+    """
+    w = Writer("", "tests")
+    shape = {"POSITION": np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]),
+             "NORMAL": np.tile([0, 1, 0], (4, 1)), "indices": np.array([0, 1, 2, 0, 2, 3])}  # fmt: skip
+    w.node("plane", mesh=w.mesh("plane", w.primitive(shape, w.material("rough", BASE_COLOR, roughness=1.0))))
+    w.node("eye", camera=w.camera("eye", 0.5, 0.1, None), translation=[0, 3, 0], rotation=eye)
+    for light in lights:
+        w.node("light", extensions=w.light(**light["light"]), **light["node"])
+    for name, values in (keys or {}).items():  # an animation per channel: Blender's importer mutes all but one
+        w.animation(name, (0, name, 0.5 * np.arange(len(values)), values, "LINEAR"))
+    return w
+
+
+def plane(path: Path, lights: list[dict] = (), **options) -> Path:
+    """The scene of ``plane_writer`` as a .glb file."""
+    plane_writer(lights, **options).save(path)
+    return path
+
+
 def blinking(path: Path, *, ground: bool = True) -> Path:
     """On, off, on, every half second: a light by scale; another one and, if ``ground``, the plane by visibility."""
-    gltf = json.loads(plane(path, [LAMP, LAMP], {"translation": [[0, 0, 0]] * 3, "scale": [[1, 1, 1]] * 3}).read_text())
-    blob = [np.array([[1, 1, 1], [0, 0, 0], [1, 1, 1]], "<f4").tobytes(), np.array([1, 0, 1], "<u1").tobytes()]
-    start = len(gltf["bufferViews"])
-    data = b"".join(blob)
-    gltf["buffers"].append({"byteLength": len(data), "uri": "data:application/octet-stream;base64," + encode(data)})
-    gltf["bufferViews"] += [{"buffer": 1, "byteLength": 36}, {"buffer": 1, "byteOffset": 36, "byteLength": 3}]
-    gltf["accessors"] += [
-        {"bufferView": start, "componentType": 5126, "count": 3, "type": "VEC3"},
-        {"bufferView": start + 1, "componentType": 5121, "count": 3, "type": "SCALAR"},
-    ]
-    times = gltf["animations"][0]["samplers"][0]["input"]
-    count = len(gltf["accessors"])
-
-    def hides(node):
-        pointer = f"/nodes/{node}/extensions/KHR_node_visibility/visible"
-        return {"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}}
-
-    step = {"input": times, "interpolation": "STEP"}
-    gltf["animations"].append({
-        "samplers": [step | {"output": count - 2}, step | {"output": count - 1}],
-        "channels": [{"sampler": 0, "target": {"node": 2, "path": "scale"}},
-                     {"sampler": 1, "target": hides(3)}, *[{"sampler": 1, "target": hides(0)}][: int(ground)]],
-    })  # fmt: skip
+    w, times = plane_writer([LAMP, LAMP]), [0.0, 0.5, 1.0]
     for node in (0, 3):
-        gltf["nodes"][node].setdefault("extensions", {})["KHR_node_visibility"] = {"visible": True}
-    gltf["extensionsUsed"] += ["KHR_node_visibility", "KHR_animation_pointer"]
-    path.write_text(json.dumps(gltf))
+        w.gltf.nodes[node].extensions[w.uses("KHR_node_visibility")] = {"visible": True}
+    hidden = [3, 0] if ground else [3]
+    w.animation("blink", (2, "scale", times, [[1, 1, 1], [0, 0, 0], [1, 1, 1]], "STEP"),
+                *((f"/nodes/{node}/extensions/KHR_node_visibility/visible", "pointer", times,
+                   np.array([True, False, True]), "STEP") for node in hidden))  # fmt: skip
+    w.save(path)
     return path
 
 

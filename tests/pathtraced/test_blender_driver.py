@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from cycles_scenes import DOWN, blinking, fake_blender, plane
+from cycles_scenes import DOWN, LAMP, blinking, fake_blender, plane
 
 from taubench_gl.animation import choose_camera, sample
 from taubench_gl.effects.lighting import DEFAULT_SUN
@@ -29,12 +29,11 @@ from taubench_gl.scene import load_scene
 
 TURN = [[0, 0, 0, 1], [0, math.sin(1.5), 0, math.cos(1.5)]]  # by 3 rad: interpolation by component is wrong
 MOVE = [[0, 0, 0], [1, 0, 0]]
-LAMP = {"light": {"type": "point", "intensity": 10.0}, "node": {"translation": [0, 2, 0]}}
 
 
 @pytest.fixture
 def scene(tmp_path):
-    return load_scene(plane(tmp_path / "plane.gltf", [LAMP], {"rotation": TURN, "translation": MOVE}))
+    return load_scene(plane(tmp_path / "plane.glb", [LAMP], keys={"rotation": TURN, "translation": MOVE}))
 
 
 def render(scene, out, frames=range(0, 3), *, python, size=(16, 9), **quality):
@@ -93,7 +92,7 @@ def test_jobs_have_cameras_and_lights_of_neighboring_frames(scene):
 
 def test_hidden_meshes_and_lights_are_in_the_job(tmp_path):
     """Keys every half second: on, off, on.  A light of scale 0 is off, as a hidden one; hidden meshes are listed."""
-    scene = load_scene(blinking(tmp_path / "blink.gltf"))
+    scene = load_scene(blinking(tmp_path / "blink.glb"))
     frames = range(10, 14)
     job, _, notes = make_job(scene, choose_camera(scene), frames, 24.0, (16, 9), Quality())
     assert notes == [] and job["hidden"] == {"12": [0], "13": [0]}
@@ -108,7 +107,7 @@ def test_hidden_meshes_and_lights_are_in_the_job(tmp_path):
 
 def test_limits_of_cycles_are_noted(tmp_path):
     spot = {"light": {"type": "spot", "intensity": 1.0, "range": 5.0, "spot": {}}, "node": {"rotation": DOWN}}
-    scene = load_scene(plane(tmp_path / "s.gltf", [spot]))
+    scene = load_scene(plane(tmp_path / "s.glb", [spot]))
     _, _, notes = make_job(scene, choose_camera(scene), range(1), 24.0, (16, 9), Quality())
     assert len(notes) == 2 and "range" in notes[0] and "cone" in notes[1]
 
@@ -121,9 +120,7 @@ def test_a_render_writes_frames_sidecar_and_provenance(scene, tmp_path):
     assert steps[-1] == (3, 0.0)
     file = read_camera_file(out / CAMERA_FILE)
     assert sorted(file.views) == [0, 1, 2] and file.size == (16, 9) and file.fps == 24.0
-    provenance = json.loads((out / PROVENANCE_FILE).read_text())
-    assert provenance["blender"] == "4.5.0 stand-in" and provenance["settings"]["samples"] == 1
-    assert provenance["frame_seconds"] == {"0": 0.5, "1": 0.5, "2": 0.5}
+    assert json.loads((out / PROVENANCE_FILE).read_text())["blender"] == "4.5.0 stand-in"
     record = read_render(out)
     assert record.frame_seconds == {"0": 0.5, "1": 0.5, "2": 0.5} and record.settings.samples == 1
     assert record.summary(range(1, 3))["seconds_per_frame"] == 0.5

@@ -6,7 +6,6 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from exr_files import blender_frame, write
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.apps.cli import cli
@@ -18,15 +17,6 @@ from taubench_gl.scene import load_scene
 pytestmark = pytest.mark.usefixtures("coarse_light", "coarse_metering")
 
 DEMO = ASSETS / "demo.glb"
-
-
-@pytest.fixture
-def renders(tmp_path):
-    folder = tmp_path / "renders"
-    folder.mkdir()
-    for frame in (1, 2, 3):
-        write(folder / f"f_{frame}.exr", blender_frame((0.2 * frame, 1.0, 5.0), seed=frame)[0])
-    return folder
 
 
 def test_evaluate_and_compare(renders, tmp_path):
@@ -45,6 +35,8 @@ def test_errors_are_one_line_and_exit_code_2(taubench, renders, tmp_path):
         (("evaluate", f"exr:{tmp_path / 'none'}"), "none"),
         (("evaluate", f"exr:{renders}", "--mapping", "x.toml"), "x.toml"),
         (("check", f"exr:{renders}", "--layer", "none"), "'none'"),
+        (("check", f"exr:{renders}", "--mapping", "godott"), "godott"),
+        (("check", f"exr:{renders}", "--frames", "90:95"), "4:7"),
         (("reference", "render", tmp_path / "none.glb", "--out", tmp_path / "o"), "none.glb"),
     ):
         code, _, err = taubench(*arguments)

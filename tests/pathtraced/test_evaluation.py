@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exr_files import HEIGHT, WIDTH, blender_frame, options, view_at, write
+from exr_files import HEIGHT, WIDTH, blender_frame, options, view_at, window, write
 from fixed import fixed_settings
 
 import taubench_gl as tb
@@ -20,6 +20,13 @@ from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_t
 from taubench_gl.pathtraced.passes import LOBES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import frame_channels
+
+
+def channels_of(renders):
+    """Path and channels of each file of the fixture ``renders``."""
+    for path in renders.glob("*.exr"):
+        number = int(path.stem[-4:])
+        yield path, blender_frame(view_at(0.3 * number).position, seed=number)[0]
 
 
 def test_masks_equal_the_float64_reference(renders):
@@ -102,9 +109,7 @@ def test_hand_computed_direct_light(tmp_path):
 
 
 def test_missing_passes_are_null_with_a_reason(renders):
-    for path in renders.glob("*.exr"):
-        number = int(path.stem[-4:])
-        channels = blender_frame(view_at(0.3 * number).position, seed=number)[0]
+    for path, channels in channels_of(renders):
         write(path, {k: v for k, v in channels.items() if "Gloss" not in k and "Normal" not in k})
     run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
     for column, lost in (("direct", "GlossDir, GlossCol"), ("indirect", "GlossInd, GlossCol"), ("normal", "Normal")):
@@ -115,11 +120,7 @@ def test_missing_passes_are_null_with_a_reason(renders):
 
 
 def test_pixels_outside_the_data_window_are_invalid(renders):
-    from exr_files import window
-
-    for path in renders.glob("*.exr"):
-        number = int(path.stem[-4:])
-        channels = blender_frame(view_at(0.3 * number).position, seed=number)[0]
+    for path, channels in channels_of(renders):
         cut = {k: np.ascontiguousarray(v[:, 3:]) for k, v in channels.items()}
         whole = window(0, 0, WIDTH - 1, HEIGHT - 1)
         write(path, cut, dataWindow=window(3, 0, WIDTH - 1, HEIGHT - 1), displayWindow=whole)
@@ -130,9 +131,7 @@ def test_pixels_outside_the_data_window_are_invalid(renders):
 
 def test_positions_are_reconstructed_from_depth(renders):
     whole = evaluate_path_traced(f"exr:{renders}", None, options(renders))
-    for path in renders.glob("*.exr"):
-        number = int(path.stem[-4:])
-        channels = blender_frame(view_at(0.3 * number).position, seed=number)[0]
+    for path, channels in channels_of(renders):
         write(path, {k: v for k, v in channels.items() if "Position" not in k})
     run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
     assert run.summary["discard"]["position"] == whole.summary["discard"]["position"]

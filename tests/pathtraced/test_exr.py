@@ -23,17 +23,11 @@ def ramp(dtype=np.float32):
     return (np.arange(HEIGHT * WIDTH).reshape(HEIGHT, WIDTH) % 64).astype(dtype)
 
 
-@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.uint32])
-def test_all_types_are_read_as_float32(tmp_path, dtype):
-    image = read_exr(write(tmp_path / "a.exr", {"L.Pass.X": ramp(dtype)}))
-    assert image.plane("L.Pass.X").dtype == np.float32
-    np.testing.assert_array_equal(image.plane("L.Pass.X"), ramp())
-
-
-@pytest.mark.parametrize("name", COMPRESSIONS)
-def test_every_compression_is_read(tmp_path, name):
+@pytest.mark.parametrize(("name", "dtype"), [*((n, "f4") for n in COMPRESSIONS), ("ZIP", "f2"), ("ZIP", "u4")])
+def test_every_compression_and_type_is_read_as_float32(tmp_path, name, dtype):
     compression = getattr(OpenEXR, f"{name}_COMPRESSION")
-    image = read_exr(write(tmp_path / "a.exr", {"P.X": ramp()}, compression=compression))
+    image = read_exr(write(tmp_path / "a.exr", {"P.X": ramp(dtype)}, compression=compression))
+    assert image.plane("P.X").dtype == np.float32
     np.testing.assert_allclose(image.plane("P.X"), ramp(), atol=0.01)
 
 
@@ -139,14 +133,6 @@ print(read)
     )
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) <= 3 and done.stderr == ""
-
-
-@pytest.mark.parametrize("name", ["t01", "t03", "t05", "t07", "t09", "t11", "t13", "t15"])
-def test_display_windows_of_the_openexr_test_images(data, name):
-    image = read_exr(data / "exr" / "DisplayWindow" / f"{name}.exr")
-    plane = image.plane("R")
-    assert plane.shape == image.size[::-1]
-    assert np.isnan(plane).any() == (name not in ("t01", "t03", "t05"))
 
 
 def header(*attributes: tuple[bytes, bytes, bytes]) -> bytes:

@@ -22,7 +22,7 @@ from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.pathtraced.cameras import camera_file_text, points_at, project, residual
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.pathtraced.sequence import PathTracedSequence
-from taubench_gl.pathtraced.source import frame_channels, mixed_pixels
+from taubench_gl.pathtraced.source import frame_channels
 from taubench_gl.scene.model import Camera
 
 MOTION = fixed_settings(reprojection="motion")
@@ -436,15 +436,6 @@ def test_filtered_and_jittered_positions_have_a_note(tmp_path):
         return {name: np.choose(choice, [part[name] for part in parts]) for name in channels}
 
     assert "0.30 px (median)" in notes(write_frames(tmp_path / "jittered", change=jittered), mapping)
-
-
-def test_mixed_pixels_of_a_step():
-    """Two planes: one sample of a pixel is on one of them, the mean of several is between."""
-    depth = np.tile(np.where(np.arange(16) < 8, 2.0, 5.0), (6, 1))
-    sky = np.zeros(depth.shape, bool)
-    assert mixed_pixels(depth, sky) == (0, 12)  # the pixels on both sides of the step
-    mixed = np.where(np.arange(16) == 8, 3.0, depth)
-    assert mixed_pixels(mixed, sky)[0] == 6
 
 
 def test_half_float_positions_far_from_the_origin_give_way_to_depth(tmp_path):

@@ -120,27 +120,16 @@ def test_averaged_normals_are_normalized(tmp_path):
 
 
 def test_mapping_files(tmp_path):
-    """Falcor's conventions by hand: y up, motion in fractions of the image size, y down."""
-    channels, expected = blender_frame()
-    shaped = planes(expected["position"], "posW", "RGB") | planes(expected["normal"], "normW", "RGB")
-    shaped |= planes(expected["motion"] / [WIDTH, HEIGHT], "mvec", "RG") | {"linearZ.R": channels["ViewLayer.Depth.Z"]}
-    shaped |= planes(expected["direct"], "direct", "RGB")
-    frame, missing = frame_of(tmp_path, shaped, mapping=load_mapping("falcor"))
-    np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-6)
-    np.testing.assert_allclose(frame.motion, expected["motion"], rtol=1e-5)
-    np.testing.assert_array_equal(frame.radiance["direct"], expected["direct"])
-    assert missing["color"].split()[-1] == "color"
+    _, expected = blender_frame()
     custom = {"up": "y", "passes": {"position": {"channels": ["a", "b", "c"]}}}
     path = tmp_path / "m.json"
     path.write_text(json.dumps(custom))
     named = dict(zip("abc", (np.ascontiguousarray(expected["position"][..., i], np.float32) for i in range(3))))
-    frame, missing = frame_of(tmp_path, named, mapping=load_mapping(path))
+    frame, _ = frame_of(tmp_path, named, mapping=load_mapping(path))
     np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-6)
 
 
 def test_presets_load():
-    run = {"babylon", "blender", "eevee", "luxcore", "mitsuba", "taubench", "three-webgl", "three-webgpu"}
-    assert set(presets()) == run | {"falcor", "godot", "unity", "unreal"}
     for name in presets():
         assert "position" in load_mapping(name).passes
     names = ["dd.y.T", "pp.X", "pp.Y", "pp.Z", "my_image.R", "my_image.G", "my_image.B"]
@@ -165,6 +154,7 @@ def test_unreal_files(tmp_path):
 
 
 NAMES = {
+    "falcor": ({"position": "posW", "normal": "normW", "motion": "mvec"}, [1, 1, 1], 1),
     "godot": ({"position": "Position", "combined": "Color", "motion": "Motion"}, [1, 1, 1], 1),
     "unity": ({"position": "Position", "normal": "Normals", "combined": "Beauty", "motion": "MotionVectors"},
               [-1, 1, 1], -1),

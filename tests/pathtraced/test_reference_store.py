@@ -170,14 +170,6 @@ def test_two_processes_write_one_reference(tmp_path):
         np.testing.assert_allclose(stored.sums, expected(frame, 80).sums, rtol=1e-5)
 
 
-def test_a_frame_is_saved_while_it_is_traced(tmp_path, monkeypatch):
-    monkeypatch.setattr(references, "SAVE_SECONDS", -1.0)
-    saved = []
-    monkeypatch.setattr(StoredReference, "save", lambda self, frame, view, size, sums: saved.append(sums.samples))
-    References(Dice(), store(tmp_path), 100).frame(0)
-    assert saved == [16, 32, 48, 50, 66, 82, 98, 100]
-
-
 def test_the_noise_is_the_standard_error_of_the_mean(tmp_path):
     size = (200, 150)
     for samples in (9, 64):

@@ -7,7 +7,7 @@ import pytest
 from exr_files import HEIGHT, WIDTH, blender_frame, planes, write
 
 from taubench_gl.errors import PathTracedError
-from taubench_gl.pathtraced.sequence import PathTracedSequence, find_frames, is_sequence
+from taubench_gl.pathtraced.sequence import PathTracedSequence, find_frames
 
 
 def fill(folder, numbers, name="frame_{:04d}.exr", **options):
@@ -15,10 +15,6 @@ def fill(folder, numbers, name="frame_{:04d}.exr", **options):
     for number in numbers:
         write(folder / name.format(number), blender_frame(seed=number, **options)[0])
     return folder
-
-
-def test_sequence_arguments_start_with_exr():
-    assert is_sequence("exr:renders") and not is_sequence("renders") and not is_sequence("scene.glb")
 
 
 def test_frame_numbers_come_from_file_names(tmp_path):

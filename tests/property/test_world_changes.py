@@ -69,14 +69,8 @@ def _ties(a, b) -> int:
 
 @relaxed
 @given(worlds, MODES)
-def test_unindexed_meshes_change_no_count(bench, world, mode):
-    assert counts(bench, build(world), mode) == counts(bench, build(world, indexed=False), mode)
-
-
-@relaxed
-@given(worlds, MODES)
-def test_identity_nodes_change_no_count(bench, world, mode):
-    assert counts(bench, build(world), mode) == counts(bench, build(world, deep=True), mode)
+def test_unindexed_meshes_and_identity_nodes_change_no_count(bench, world, mode):
+    assert counts(bench, build(world), mode) == counts(bench, build(world, indexed=False, deep=True), mode)
 
 
 @relaxed

@@ -50,18 +50,6 @@ def test_trees_hold_every_box(kind, count):
     check(build(low, high), low, high)
 
 
-def test_equal_boxes_are_halved():
-    low, high = some_boxes("equal", 4096)
-    assert heights(build(low, high))[0] <= 12
-
-
-def test_a_tree_is_a_pure_function_of_its_boxes():
-    low, high = some_boxes("cloud", 2000)
-    a, b = build(low, high), build(low.copy(), high.copy())
-    for name in ("low", "high", "right", "first", "count", "order"):
-        assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
-
-
 def test_a_tree_over_triangles_is_that_over_their_boxes_and_says_how_far_it_is():
     rng = np.random.default_rng(3)
     vertices = rng.normal(size=(500_000, 3)).astype(np.float32)

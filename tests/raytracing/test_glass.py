@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 from references.dielectric import Glass, fresnel, rough_slab, slab
-from references.significance import holm_rejected
 from repeated import few
 from scipy import stats
 from shader_tools import map_rows, rows_glsl, with_main
@@ -15,6 +14,7 @@ from test_brdf_sampling import sphere_grid, view
 
 from taubench_gl.lobes import SCENE_LOBES, lobe_channels, lobe_macros
 from taubench_gl.math3d import normalize
+from taubench_gl.metrics.bootstrap import holm_adjusted
 from taubench_gl.metrics.lighting import MIN_ALPHA
 from taubench_gl.scene.builder import SceneBuilder, quad, sphere, turn_y
 from taubench_gl.scene.model import Scene
@@ -24,17 +24,6 @@ from taubench_gl.selftest.scenes import sky_file
 
 Array = np.ndarray
 ETAS = (1.5, 1.0 / 1.5, 1.1, 2.4)
-
-
-def test_fresnels_equations_at_known_angles():
-    """Normal incidence, Brewster's angle, the critical angle, and conservation of energy from both sides."""
-    assert fresnel(1.0, 1.5) == pytest.approx(0.04) and fresnel(0.0, 1.5) == pytest.approx(1.0)
-    brewster = 1.0 / np.sqrt(1.0 + 1.5**2)  # light in the plane of incidence is not reflected
-    assert fresnel(brewster, 1.5) == pytest.approx(0.5 * ((1.0 - 1.5**2) / (1.0 + 1.5**2)) ** 2)
-    cosine = np.linspace(0.01, 1.0, 50)
-    inside = np.sqrt(1.0 - (1.0 - cosine**2) / 2.25)
-    np.testing.assert_allclose(fresnel(cosine, 1.5), fresnel(inside, 1.0 / 1.5), rtol=1e-12)
-    assert np.all(fresnel(np.linspace(0.0, np.sqrt(1.0 - 1.0 / 2.25) - 1e-9, 9), 1.0 / 1.5) == pytest.approx(1.0))
 
 
 @pytest.mark.parametrize("thick", [True, False])
@@ -58,15 +47,6 @@ def test_samples_are_distributed_as_the_lobes_say(thick: bool, n_v: float, eta: 
     z_score = (mean - expected)[many] / np.sqrt((square - mean**2)[many] / count + (2e-3 * expected[many]) ** 2)
     assert stats.chi2.sf(np.sum(z_score**2), many.sum()) > 1e-3
     assert mean.sum() == pytest.approx(expected.sum(), abs=5e-3) and mean.sum() <= 1.0
-
-
-def test_smooth_glass_keeps_all_light() -> None:
-    """No sample of a lobe of MIN_ALPHA has a weight above 1, and their mean is 1; thin walls as thick glass."""
-    for thick in (True, False):
-        for eta in ETAS if thick else (1.5,):
-            v = np.broadcast_to(view(0.7), (20_000, 3))
-            _, weight = Glass(0.0, eta, thick).sample(v, np.random.default_rng(5).random((20_000, 3)))
-            assert weight.max() <= 1.0 + 1e-12 and weight.mean() > 0.999
 
 
 MAIN = rows_glsl("""void main() {
@@ -306,5 +286,6 @@ def test_rough_glass_is_that_of_random_walks(gpu, roughness, angle, thick):
         mean, error = walks.mean(axis=1), walks.std(axis=1) / np.sqrt(count)
     own_error = values.std(axis=0, ddof=1) / np.sqrt(len(values))
     z = (values.mean(axis=0) - mean) / np.hypot(own_error, error)
-    assert not holm_rejected(2.0 * stats.norm.sf(np.abs(z)), 1e-3).any(), (z, values.mean(axis=0), mean)
+    adjusted = holm_adjusted(2.0 * stats.norm.sf(np.abs(z)))
+    assert (adjusted > 1e-3).all(), (z, values.mean(axis=0), mean)
     assert own_error.max() < 0.01

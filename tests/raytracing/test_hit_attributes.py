@@ -8,7 +8,6 @@ pixels at edges, where the rasterizer has snapped a corner to 1/256 pixel and th
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,8 +15,7 @@ from frame_tools import find_scene
 from hit_tools import Seen, look, opened
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.frame.geometry import DEFAULTS
-from taubench_gl.frame.raytracing.hit_tables import DrawnPool, HitOptions
+from taubench_gl.frame.raytracing.hit_tables import HitOptions
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned, sphere, turn
 from taubench_gl.scene.model import Image, Material, Primitive, Sampler, Scene, Texture
@@ -253,13 +251,6 @@ def test_far_vertices_keep_their_digits(gpu) -> None:
     assert np.abs(found.position - expected).max() < 4e-6
 
 
-def test_an_empty_scene(gpu) -> None:
-    b = seen_from()
-    with opened(gpu, b.build(), choose_camera(b.build()), (16, 9)) as hits:
-        hits.at(0.0)
-        assert len(hits.attributes.emitters) == 0 and hits.attributes.memory["tables of ray hits"] > 0
-
-
 def test_degenerate_triangles_and_zero_normals_give_finite_surfaces(gpu) -> None:
     b = seen_from()
     line = np.float32([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
@@ -275,17 +266,3 @@ def test_degenerate_triangles_and_zero_normals_give_finite_surfaces(gpu) -> None
         assert np.isfinite(values).all()
     assert np.allclose(np.linalg.norm(found.normal, axis=-1), 1.0, atol=1e-5)
     assert np.all(np.sum(found.geometric_normal * (0.0, 0.6, -0.8), axis=-1) <= 0.0)
-
-
-def test_a_pool_with_fewer_indices_than_vertices_has_its_triangles(gpu):
-    """Also attributes part by part, and the default of one that is not stored."""
-    positions, indices = np.arange(30, dtype=np.float32).reshape(10, 3), np.uint32([7, 8, 9])
-    buffers = {"positions": gpu.ctx.buffer(positions), "indices": gpu.ctx.buffer(indices)}
-    buffers["tangents"] = gpu.ctx.buffer(reserve=16)
-    draw = SimpleNamespace(base_vertex=0, vertex_count=10, first_index=0, index_count=3)
-    pool = DrawnPool(buffers, [draw])
-    assert pool.read("indices", 0, 3).ravel().tolist() == [7, 8, 9]
-    assert (pool.read("positions", 4, 3) == positions[4:7]).all()
-    assert (pool.read("tangents", 2, 5) == DEFAULTS["tangents"]).all()
-    for buffer in buffers.values():
-        buffer.release()

@@ -10,12 +10,9 @@ from frame_tools import make_scene
 from ray_caster import cast, gather
 from ray_tools import traced
 
-from taubench_gl.frame.raytracing.texels import LEAF_BIT, ROW_BITS, TRIANGLE_TEXELS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.builder import quad
 from taubench_gl.scene.model import Channel, MorphTarget
-
-ROW_BYTES = 16 << ROW_BITS
 
 
 def sheet(n: int, target_z: float, bad: bool = False):
@@ -52,39 +49,6 @@ def test_a_bending_sheet_against_float64(gpu, time):
         np.testing.assert_allclose(hits.t[found], reference.depth[found], rtol=1e-5)
 
 
-def test_bounds_hold_after_a_refit(gpu):
-    """Every node holds its children, every leaf its triangles, in grid units."""
-    with traced(gpu, bending(sheet(9, -3.0))) as t:
-        t.at(0.7)
-        gpu.finish()
-        nodes, corners = (
-            np.frombuffer(t.structure.resources[n].read(), np.uint32).reshape(-1, 4)
-            for n in ("trace_nodes", "trace_triangles")
-        )
-        tree = t.structure._posed[0].trees[0]
-        nodes = nodes[tree.first : tree.first + tree.nodes]
-        low = (nodes[:, :3] << 16).view(np.int32) >> 16
-        high = nodes[:, :3].view(np.int32) >> 16
-        stack, seen = [(0, len(nodes))], 0
-        while stack:
-            node, end = stack.pop()
-            word = int(nodes[node, 3])
-            if word & LEAF_BIT:
-                first, count = word & 0x0FFFFFFF, ((word >> 28) & 7) + 1
-                points = corners[3 * first : 3 * (first + count), :3].view(np.float32)
-                assert (points >= low[node]).all() and (points <= high[node]).all()
-                assert np.ptp(high[node] - points.max(axis=0)) <= 1.0
-                seen += count
-                continue
-            assert word == end
-            left = node + 1
-            right = int(nodes[left, 3]) if not int(nodes[left, 3]) & LEAF_BIT else left + 1
-            stack += [(left, right), (right, end)]
-            np.testing.assert_array_equal(low[node], np.minimum(low[left], low[right]))
-            np.testing.assert_array_equal(high[node], np.maximum(high[left], high[right]))
-        assert seen == 2 * 9 * 9
-
-
 def test_a_vertex_at_infinity_takes_only_its_triangles_away(gpu):
     with traced(gpu, bending(sheet(8, 0.0, bad=True))) as t:
         t.at(1.0)
@@ -111,12 +75,3 @@ def test_surfaces_that_replace_one_another(gpu, tmp_path):
         for frame in (0, 1, 2, 1):
             hits = t.at(frame / 24.0).query(0 * d, d / np.linalg.norm(d))
             np.testing.assert_allclose(hits.t, (4 - 0.5 * frame) * np.linalg.norm(d), rtol=1e-5)
-
-
-def test_the_frame_before_takes_memory_only_on_request(gpu):
-    scene, used = bending(sheet(48, -3.0)), {}
-    for keep in (False, True):
-        with traced(gpu, scene, keep_previous=keep) as t:
-            used[keep] = t.structure.memory["trace_triangles"]
-    count = 2 * 48 * 48 * TRIANGLE_TEXELS * 16
-    assert used[False] < count + ROW_BYTES and used[True] >= 2 * count

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from references.reuse_methods.history import sample_history
 from taubench_gl.metrics.lighting import albedo_table
 from taubench_gl.srgb import LUMINANCE
 
@@ -14,12 +15,8 @@ Array = np.ndarray
 
 def table_lookup(table: Array, roughness: Array, n_v: Array) -> Array:
     """Bilinear value (..., 3) of ``albedo_table`` at roughness and n.v, each (...) in [0, 1]."""
-    last = len(table) - 1
-    row, column = np.clip(roughness, 0, 1) * last, np.clip(n_v, 0, 1) * last
-    j, i = (np.minimum(np.floor(x).astype(int), last - 1) for x in (row, column))
-    fy, fx = (row - j)[..., None], (column - i)[..., None]
-    t = table[..., :3].astype(np.float64)
-    return (t[j, i] * (1 - fx) + t[j, i + 1] * fx) * (1 - fy) + (t[j + 1, i] * (1 - fx) + t[j + 1, i + 1] * fx) * fy
+    at = np.stack(np.broadcast_arrays(n_v, roughness), axis=-1) * (len(table) - 1.0)
+    return sample_history(table[..., :3], at)
 
 
 def lobe_albedos(channels: Mapping[str, Array], least: float) -> tuple[Array, Array]:

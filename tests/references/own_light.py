@@ -5,37 +5,19 @@ Lights are rows of ``frame.lights.LIGHT``; surfaces are records of ``reuse.scene
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from references.path_tracing import closest_hit
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE, SurfaceMaterial, evaluate_brdf
 
 Array = np.ndarray
 
 
-@dataclass(frozen=True)
-class Emitters:
-    """Probabilities of emissive triangles (E,)."""
-
-    cumulative: Array
-    probability: Array
-
-
-def sample_light(u: Array, choice: Array, emitters: Emitters | None = None) -> tuple[Array, Array]:
+def sample_light(u: Array, choice: Array) -> tuple[Array, Array]:
     """Number and density of the lights that ``u`` (..., 4) choose; ``choice``: of ``light_choice``; -1, 0: none."""
-    count = len(choice)
-    share = 1.0 if emitters is None else 0.5 if count else 0.0
-    number, density = np.full(u.shape[:-1], -1), np.zeros(u.shape[:-1])
-    if count:
-        row = np.minimum(np.searchsorted(choice[:, 0], u[..., 0] / share, side="right"), count - 1)
-        number, density = row, share * choice[row, 1].astype(np.float64)
-    if emitters is not None:
-        pick = (u[..., 0] - share) / (1.0 - share)
-        row = np.minimum(np.searchsorted(emitters.cumulative, pick, side="right"), len(emitters.cumulative) - 1)
-        number = np.where(pick >= 0, count + row, number)
-        density = np.where(pick >= 0, (1.0 - share) * emitters.probability[row], density)
-    return np.where(density > 0, number, -1), density
+    row = np.minimum(np.searchsorted(choice[:, 0], u[..., 0], side="right"), len(choice) - 1)
+    density = choice[row, 1].astype(np.float64)
+    return np.where(density > 0, row, -1), density
 
 
 def emitter_point(corners: Array, uv: Array) -> Array:
@@ -84,19 +66,9 @@ def reflected(surfaces: Array, row: Array) -> Array:
 
 def blocked(triangles: Array, start: Array, end: Array) -> Array:
     """Whether a triangle of (T, 3, 3) lies between points (..., 3), ends excluded by 1e-4 of the segment."""
-    out = np.zeros(start.shape[:-1], dtype=bool)
-    d = end - start
-    for a, b, c in triangles:
-        n = np.cross(b - a, c - a)
-        along = d @ n
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = ((a - start) @ n) / along
-            at = start + t[..., None] * d
-            inside = np.ones(out.shape, dtype=bool)
-            for p, q in ((a, b), (b, c), (c, a)):
-                inside &= np.cross(q - p, at - p) @ n >= 0
-        out |= inside & (t > 1e-4) & (t < 1.0 - 1e-4)
-    return out
+    d = (end - start).reshape(-1, 3)
+    row, _ = closest_hit(triangles, start.reshape(-1, 3) + 1e-4 * d, d, np.array(1.0 - 2e-4))
+    return (row >= 0).reshape(start.shape[:-1])
 
 
 def shadowed(surfaces: Array, row: Array, triangles: Array) -> Array:

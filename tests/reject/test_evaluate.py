@@ -53,9 +53,15 @@ def test_a_board_before_a_wall():
     assert blocks["position"] == blocks["object_id"]
 
 
-def test_counts_add_up():
-    found = evaluate_tests(DEMO, ("position", "svgf+object_id"), settings(frames=(20, 24)))
-    s = found.summary
+@pytest.fixture(scope="module")
+def of_demo():
+    """Several tests and a combination on two pairs of the demo."""
+    tests = ("position", "footprint_plane", "object_id", "position+object_id", "svgf+object_id")
+    return evaluate_tests(DEMO, tests, settings(frames=(20, 24)))
+
+
+def test_counts_add_up(of_demo):
+    s = of_demo.summary
     assert s["pairs"] == 2 and sum(s["pixels"].values()) == 2 * 64 * 36
     assert sum(s["percent"].values()) == pytest.approx(100.0)
     for entry in s["tests"].values():
@@ -73,9 +79,8 @@ def test_counts_add_up():
     json.dumps(s, allow_nan=False)
 
 
-def test_a_combination_rejects_what_any_part_rejects():
-    found = evaluate_tests(DEMO, ("position", "object_id", "position+object_id"), settings(frames=(20, 24)))
-    blocks = {name: entry["scores"]["visibility"] for name, entry in found.summary["tests"].items()}
+def test_a_combination_rejects_what_any_part_rejects(of_demo):
+    blocks = {name: entry["scores"]["visibility"] for name, entry in of_demo.summary["tests"].items()}
     for kind in ("true_positive", "false_positive"):
         both, one, other = (blocks[n][kind] for n in ("position+object_id", "position", "object_id"))
         assert max(one, other) <= both <= one + other
@@ -110,16 +115,15 @@ def test_a_recall_that_is_no_share_is_one_line(recall):
     assert isinstance(done.exception, SettingsError)
 
 
-def test_fit_reaches_the_recall():
-    found = evaluate_tests(DEMO, ("position", "footprint_plane", "object_id"), settings(frames=(20, 24)))
-    fit = fitted(found, 0.9)["tests"]
+def test_fit_reaches_the_recall(of_demo):
+    fit = fitted(of_demo, 0.9)["tests"]
     assert fit["position"]["recall"] >= 0.9 and fit["footprint_plane"]["recall"] >= 0.9
     again = evaluate_tests(
         DEMO, (f"position={np.nextafter(fit['position']['threshold'], 0)}",), settings(frames=(20, 24))
     )
     score = again.summary["tests"]["position"]["scores"]["visibility"]
     assert score["recall"] == pytest.approx(fit["position"]["recall"]) and score["recall"] >= 0.9
-    assert fitted(found, 1.0)["tests"]["object_id"]["threshold"] is None
+    assert fitted(of_demo, 1.0)["tests"]["object_id"]["threshold"] is None
 
 
 @pytest.mark.parametrize("more", [{"frames": (0, 2)}, {"pairs": "every:2"}, {"storage": "half"}])

@@ -125,14 +125,6 @@ def test_planes_survive_the_file_and_its_limit():
     assert dp.compressed(dp.encode(smooth, levels), levels, 0)[1] == 0
 
 
-@pytest.mark.parametrize("count", range(1, 8))
-def test_pack_and_unpack(count):
-    planes = list(RNG.integers(0, 256, (count, 5, 7), dtype=np.uint8))
-    packed = dp.pack(planes)
-    assert packed.shape == (-(-count // 3) * 5, 7, 3)
-    np.testing.assert_array_equal(dp.unpack(packed, count), planes)
-
-
 def test_histogram_leaves_out_pixels_that_are_not_comparable():
     given, levels = pair()
     mask = np.full((36, 64), int(Reason.OUTSIDE))

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import FRUSTUM, Reason
-from taubench_gl.errors import OutputError
-from taubench_gl.features import FEATURE_BIT
 from taubench_gl.glossary import key_of
 from taubench_gl.report.mask_images import STRIPE_PX, legend, legend_strip, mask_overlay, save_mask_image
-from taubench_gl.report.palette import DEFAULT_REASONS, REASON_COLORS, color_of
+from taubench_gl.report.palette import DEFAULT_REASONS, color_of
 
 
 def one_reason(reason: Reason, shape=(6, 8)) -> np.ndarray:
@@ -98,36 +96,7 @@ def test_image_file_holds_overlay_and_legend(tmp_path):
     assert image.shape[0] > 300 and image.shape[1] == 500
 
 
-def test_stripes_are_explained_where_there_are_any(tmp_path, monkeypatch):
-    titles = []
-    monkeypatch.setattr("taubench_gl.report.mask_images.legend_strip", _noting(titles, legend_strip))
-    both = Reason.POSITION | Reason.NORMAL
-    for mask in (one_reason(Reason.POSITION, (4, 600)), one_reason(both, (4, 600))):
-        save_mask_image(tmp_path / "mask.png", mask, title="frame 1")
-    assert titles[0] == "frame 1" and titles[1].startswith("frame 1; stripes")
-
-
-def _noting(titles, make):
-    def strip(entries, width, title=""):
-        titles.append(title)
-        return make(entries, width, title)
-
-    return strip
-
-
 def test_small_masks_are_enlarged(tmp_path):
     mask = one_reason(Reason.POSITION, (2, 4))
     image = iio.imread(save_mask_image(tmp_path / "mask.png", mask))
     assert image.shape[1] == 480
-
-
-def test_unwritable_image_raises_output_error(tmp_path):
-    with pytest.raises(OutputError) as caught:
-        save_mask_image(tmp_path / "missing" / "mask.png", one_reason(Reason(0)))
-    assert caught.value.where == str(tmp_path / "missing" / "mask.png")
-
-
-def test_every_reason_and_feature_has_a_color_and_defaults_differ():
-    assert all(reason in REASON_COLORS for reason in Reason)
-    assert all(bit in DEFAULT_REASONS for bit in FEATURE_BIT.values())
-    assert len({color_of(reason) for reason in DEFAULT_REASONS}) == len(DEFAULT_REASONS)

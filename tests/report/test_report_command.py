@@ -18,27 +18,18 @@ def report(taubench):
     return partial(taubench, "report")
 
 
-def test_one_run_gets_its_report_next_to_its_summary(run, tmp_path, report):
-    run.save(tmp_path / "run")
-    code, out, _ = report(tmp_path / "run")
-    assert code == 0 and "report.html" in out
-    assert (tmp_path / "run" / "report.html").read_text().startswith("<!DOCTYPE html>")
-
-
-def test_several_runs_with_out(run, tmp_path, report):
+@pytest.mark.parametrize(
+    ("arguments", "file", "runs"),
+    [(("a",), "a/report.html", 1), (("a", "b", "--out", "both.html"), "both.html", 2), (("a", "a"), "report.html", 2)],
+)
+def test_where_a_report_goes(run, tmp_path, monkeypatch, report, arguments, file, runs):
+    """Beside the summary of one run; of several into the current folder."""
     for name in ("a", "b"):
         run.save(tmp_path / name)
-    assert report(tmp_path / "a", tmp_path / "b", "--out", tmp_path / "both.html")[0] == 0
-    text = (tmp_path / "both.html").read_text()
-    assert text.count('class="figures"') == 2
-    assert not (tmp_path / "a" / "report.html").exists()
-
-
-def test_several_runs_without_out_go_to_the_current_folder(run, tmp_path, monkeypatch, report):
-    run.save(tmp_path / "a")
     monkeypatch.chdir(tmp_path)
-    assert report("a", "a")[0] == 0
-    assert Path("report.html").is_file()
+    code, out, _ = report(*arguments)
+    assert code == 0 and file in out
+    assert Path(file).read_text().count('class="figures"') == runs and len(list(tmp_path.rglob("*.html"))) == 1
 
 
 @pytest.mark.parametrize(
@@ -57,8 +48,3 @@ def test_errors_are_one_line_with_exit_code_2(run, tmp_path, monkeypatch, report
     code, _, err = report(*arguments)
     assert code == 2 and named in err and "Traceback" not in err
     assert not list(tmp_path.rglob("*.html"))
-
-
-def test_evaluate_report_needs_a_folder(taubench):
-    code, _, err = taubench("evaluate", "scene.glb", "--report")
-    assert code == 2 and "--report" in err and "--out" in err

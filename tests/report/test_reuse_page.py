@@ -175,18 +175,6 @@ def test_classes_have_the_names_of_the_sentences(fresh):
     assert len(set(labels.values())) == len(CLASSES) and not any("_" in label for label in labels.values())
 
 
-def test_side_by_side_and_zoom(fresh):
-    fresh.select_option("#left", label="slow")
-    fresh.select_option("#right", label="fast")
-    fresh.click("[data-layout=side]")
-    stages = fresh.locator(".stage:visible")
-    assert stages.count() == 2 and [stages.nth(k).locator(".tag.left").inner_text() for k in (0, 1)] == ["slow", "fast"]
-    fresh.click("button[aria-label='Zoom in']")
-    views = fresh.evaluate("[...document.querySelectorAll('.stage .view')].map(v => v.style.transform)")
-    assert views[0] == views[1] and "scale(1.5)" in views[0]
-    fresh.click("[data-layout=wipe]")
-
-
 def test_the_slider_and_the_plot_select_the_same_frame(fresh):
     fresh.locator("#frame").focus()
     fresh.keyboard.press("Home")

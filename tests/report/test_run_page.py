@@ -17,23 +17,17 @@ from taubench_gl.report.run_plots import discard_curve
 EVIL = """</script><script>alert("x")</script>'"&<!--${title}$"""
 
 
-def test_page_is_self_contained(run):
-    page = report_html([ReportRun(run.summary, run.frames)])
-    tags = Tags(page)
-    assert tags.names.count("script") == 2 and "link" not in tags.names and "default-src 'none'" in tags.policy()
-    addresses = [v for _, a in tags.tags for k, v in a.items() if k in ("src", "href") and v]
-    assert all(v.startswith(("#", "data:")) for v in addresses)
-    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page)
-
-
-def test_names_are_escaped_in_html_and_in_the_data_of_the_scripts(summary, frames):
+def test_page_is_self_contained_and_its_names_are_escaped(summary, frames):
     summary["scene"]["name"] = EVIL
     summary["notes"] = [EVIL]
     summary["discard"]["indirect"]["reason"] = EVIL
     summary["effects"] = {EVIL: {"on": True, "reason": EVIL}}
     summary["provenance"] = {"command": EVIL}
     page = report_html([ReportRun(summary, frames)])
-    assert Tags(page).names.count("script") == 2
+    tags = Tags(page)
+    assert tags.names.count("script") == 2 and "link" not in tags.names and "default-src 'none'" in tags.policy()
+    assert all(v.startswith(("#", "data:")) for v in tags.addresses) and tags.open == []
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page)
     (values,) = data_of(page)["runs"]
     assert values["label"] == values["discard"]["indirect"]["reason"] == EVIL
 
@@ -48,28 +42,15 @@ def test_unmeasured_column_is_a_dash_with_its_reason(summary, frames):
 
 
 def test_curves_equal_those_of_the_plots(summary, frames):
+    for row in frames:
+        row["pixels"] *= 4  # samples
     data = data_of(report_html([ReportRun(summary, frames)]))["runs"][0]
     pixels = data["pixels"]
-    assert pixels == data["pairs"] * data["width"] * data["height"]
+    assert pixels == 4 * data["pairs"] * data["width"] * data["height"]
     for name in ("color", "position", "normal", "direct"):
         edges, percents = discard_curve(summary["curves"][name], pixels)
         assert data["curves"][name]["edges"] == edges.tolist()
         assert 100.0 * np.array(data["curves"][name]["above"]) / pixels == pytest.approx(percents)
-
-
-def test_percentages_count_all_samples_of_a_pixel(summary, frames):
-    for row in frames:
-        row["pixels"] *= 4
-    data = data_of(report_html([ReportRun(summary, frames)]))["runs"][0]
-    assert data["pixels"] == 4 * data["pairs"] * data["width"] * data["height"]
-
-
-def test_each_of_several_runs_has_figures_and_details(summary, frames):
-    page = report_html([ReportRun(summary, frames), ReportRun(summary, frames)])
-    labels = [r["label"] for r in data_of(page)["runs"]]
-    assert len(set(labels)) == 2
-    assert page.count('class="figures"') == 2
-    assert page.count('<section class="run">') == 2
 
 
 def test_run_without_images_has_a_reason(run, tmp_path):
@@ -108,8 +89,10 @@ def test_number_of_images_is_limited_by_their_bytes(tmp_path, run, monkeypatch):
     assert 5 in [i["n"] for i in shown["items"]]
 
 
-def test_reusable_pixels_come_first(summary, frames):
+def test_each_of_several_runs_has_the_reusable_pixels_first_then_figures_and_details(summary, frames):
     page = report_html([ReportRun(summary, frames), ReportRun(summary, frames)])
+    assert len({run["label"] for run in data_of(page)["runs"]}) == 2
+    assert page.count('class="figures"') == page.count('<section class="run">') == 2
     assert page.index("75.0 % of surface pixels") < page.index('id="figures"')
     assert page.count('class="headline"') == 2 and page.count('"big mode">camera<') == 2
     assert page.count('20.00<small> %</small></dd><dd class="small">of all pixels') == 2

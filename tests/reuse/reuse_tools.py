@@ -4,7 +4,7 @@ evaluations."""
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +24,7 @@ from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.scores import Displayed, FrameTruth, classify
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
 
 Array = np.ndarray
@@ -68,17 +69,24 @@ def still_steps(size: tuple[int, int], radiances: Iterable[Array]) -> list[Step]
     return out
 
 
-def play(gpu: Gpu, method, steps: Iterable[Step], settings=None, exposure: float = 1.0, **changes) -> list[Array]:
-    """The result of every frame, (h, w, 4) float32.  ``changes``: fields of FrameInputs to set."""
+def play(
+    gpu: Gpu, method, steps: Iterable[Step], settings=None, exposure: float = 1.0, size=None, **changes
+) -> list[Array]:
+    """The result of every frame, (h, w, 4) float32.
+
+    ``size`` (width, height): of the result, by default that of the inputs; ``changes``: fields of FrameInputs to set,
+    or functions of the number of the frame.
+    """
     steps = list(steps)
     h, w = steps[0].clean.shape[:2]
     uploader = Uploader(gpu, (w, h))
     try:
-        with MethodRunner(gpu, method, (w, h), settings) as runner:
+        with MethodRunner(gpu, method, size or (w, h), settings, input_size=(w, h)) as runner:
             results = []
             for step in steps:
                 frame = uploader.frame(step, exposure)
-                fields = {n: getattr(frame, n) for n in FrameInputs.__dataclass_fields__} | changes
+                fields = {n: getattr(frame, n) for n in FrameInputs.__dataclass_fields__}
+                fields |= {n: v(step.index) if callable(v) else v for n, v in changes.items()}
                 results.append(read_result(runner.step(FrameInputs(**fields))))
             return results
     finally:
@@ -92,6 +100,19 @@ def evaluate(scene, methods, frames: tuple[int, int], **more) -> Evaluation:
     """
     more = {"input": "full", "metrics": ("psnr", "relmse", "flicker"), "reference_samples": 1} | more
     return evaluate_methods(scene, methods, small_settings(frames=frames, **more.pop("settings", {})), **more)
+
+
+def truth_of(radiance: Array, index: int = 0, previous: Displayed | None = None, mask: int = 0, **facts) -> FrameTruth:
+    """Reference (h, w, 3) of a frame without motion, with one mask word.  ``facts``: further fields of FrameTruth."""
+    shape = radiance.shape[:2]
+    words, image = np.full(shape, mask, np.uint32), Displayed.of(radiance, np.full(shape, True), "linear")
+    return FrameTruth(index, image, previous, words, classify(words), np.zeros((*shape, 2)), **facts)
+
+
+def with_weight(image: Array, weight: Array | float = 0.0) -> Array:
+    """A result (h, w, 4) of an image (h, w, 3) and the weight of its history."""
+    weight = np.broadcast_to(weight, image.shape[:2])[..., None]
+    return np.concatenate([image, weight], axis=-1)
 
 
 @contextmanager
@@ -148,3 +169,8 @@ def bypassed(folder: Path, method: str, *changes: tuple[str, str, str]) -> Path:
         assert before.count(text) == 1, f"{method}/{file}: {text!r} is {before.count(text)} times in it"
         path.write_text(before.replace(text, replacement), encoding="utf-8")
     return folder
+
+
+def stages(method: str, bypasses: Mapping[str, object]) -> list[str]:
+    """Names in ``bypasses``, and those of the stages of a method, which need a bypass each."""
+    return list(dict.fromkeys([*bypasses, *(stage.name for stage in load_method(method).stages if stage.done)]))

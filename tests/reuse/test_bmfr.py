@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from references import reuse_methods as reference
-from references.reuse_methods.bmfr import BLOCK, FEATURES, feature_noise, mirrored
-from reuse_tools import bypassed, play, still_steps
+from references.reuse_methods.bmfr import BLOCK
+from reuse_tools import bypassed, play, stages, still_steps
 from stage_tools import emitting_steps
-
-from taubench_gl.reuse.loading import load_method
 
 SIZE = (80, 45)
 LIMITS = {"position_limit": 0.3, "normal_limit": 0.3}
@@ -91,11 +89,7 @@ BYPASSES = {
 }  # fmt: skip
 
 
-def test_every_stage_has_a_bypass():
-    assert {stage.name for stage in load_method("bmfr").stages if stage.done} <= set(BYPASSES)
-
-
-@pytest.mark.parametrize("stage", BYPASSES)
+@pytest.mark.parametrize("stage", stages("bmfr", BYPASSES))
 def test_a_bypassed_stage_is_noticed(gpu, tmp_path, steps, expected, stage):
     folder = bypassed(tmp_path / "bmfr", "bmfr", BYPASSES[stage])
     with pytest.raises(AssertionError, match="largest"):
@@ -146,24 +140,3 @@ def test_noise_left_after_the_fit(gpu):
     # Each color has 5 degrees of freedom: 180 in all, so that the standard deviation of the mean is sqrt(2 / 180).
     left = np.mean(np.square(errors)) / (0.1**2 * 5 / BLOCK**2)
     assert abs(left - 1) < 4 * np.sqrt(2 / 180), left
-
-
-def test_block_offsets_are_spread_over_the_block():
-    """Chi-squared test of 1024 frames in 4 x 4 cells: 15 degrees of freedom, 99.99 % below 44.3."""
-    offsets = np.array([reference.block_offset(frame) for frame in range(1024)])
-    assert offsets.min() == 0 and offsets.max() == BLOCK - 1
-    cells = np.bincount((offsets // 8) @ [4, 1], minlength=16)
-    assert ((cells - 64.0) ** 2 / 64).sum() < 44.3
-
-
-def test_feature_noise_has_mean_zero_and_spares_the_constant():
-    x, up = np.meshgrid(np.arange(-10, 54), np.arange(-10, 54))
-    noise = feature_noise(x, up, 3)
-    assert noise.shape == (64, 64, FEATURES) and (noise[..., 0] == 0).all()
-    values = noise[..., 1:]
-    assert abs(values.mean()) < 5 / np.sqrt(3 * values.size) and abs(np.mean(values**2) * 3 - 1) < 0.03
-
-
-def test_mirrored_pixels():
-    np.testing.assert_array_equal(mirrored(np.arange(-3, 8), 5), [2, 1, 0, 0, 1, 2, 3, 4, 4, 3, 2])
-    assert set(mirrored(np.arange(-31, 40), 3)) == {0, 1, 2}

@@ -12,17 +12,6 @@ from taubench_gl.reuse.synthetic import synthetic_steps
 
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 SIZE = (64, 48)
-DEFINES = """\
-#define WIDTH 8 // of a group
-#define LIMIT 0.2f
-#define NOT_SCALED_FEATURE_BUFFERS \\
-"1.f,"\\
-"n.x,"\\
-// comment
-#define SCALED_FEATURE_BUFFERS \\
-"p.x,"\\
-"p.x*p.x"
-"""
 
 
 @pytest.fixture
@@ -63,22 +52,6 @@ def test_history_is_read_where_motion_says(authors):
         assert np.abs(at - expected)[ball].max() > 0.5
 
 
-def test_jitter_is_no_motion(authors):
-    """A sample beside the pixel center is found in its own pixel by a still camera."""
-    (step,) = synthetic_steps(SIZE, 1)
-    jitter = np.array([0.25, -0.375])  # y down
-    pair = step.pair
-    moved = pair.sky_origin + jitter[0] * pair.sky_dx - jitter[1] * pair.sky_dy
-    inputs = {"position": np.zeros_like(step.inputs["position"])}
-    changes = inputs | {"jitter_px": jitter, "pair": type(pair)(**vars_of(pair) | {"sky_origin": moved})}
-    at = previous_px(authors.their_inputs(frame_of(step, **changes)))
-    np.testing.assert_allclose(at, np.stack(np.mgrid[: SIZE[1], : SIZE[0]][::-1], axis=-1), atol=1e-3)
-
-
-def vars_of(pair):
-    return {name: getattr(pair, name) for name in pair.__dataclass_fields__}
-
-
 def test_light_is_illumination_times_albedo_plus_emission(authors):
     (step,) = synthetic_steps(SIZE, 1)
     emission = np.full_like(step.inputs["emission"], 0.25)
@@ -87,22 +60,3 @@ def test_light_is_illumination_times_albedo_plus_emission(authors):
     light = given["noisy"] * given["albedo"] + np.where(surface, 0.5 * 0.25, 0.0)
     np.testing.assert_allclose(light, step.inputs["radiance"][::-1, :, :3], rtol=1e-6)
     assert given["albedo"].min() >= 0.01 and (given["albedo"][~surface[..., 0]] == 1).all()
-
-
-def test_constants_are_read_from_their_source(authors):
-    from bmfr_opencl import Layout, read_defines
-
-    defines = read_defines(DEFINES)
-    assert (defines["WIDTH"], defines["LIMIT"]) == ("8", "0.2f")
-    layout = Layout(defines | {"BLOCK_EDGE_LENGTH": "32"}, 150, 90)
-    assert (layout.plain, layout.scaled) == ("1.f,n.x,", "p.x,p.x*p.x")
-    assert (layout.features, layout.buffers, layout.work, layout.wide) == (4, 7, [160, 96], [192, 128])
-    assert layout.blocks == 6 * 4
-
-
-def test_missing_program_is_one_error(authors, tmp_path, monkeypatch):
-    monkeypatch.setenv("TAUBENCH_BMFR", str(tmp_path))
-    monkeypatch.setenv("TAUBENCH_OPENCL_PYTHON", str(tmp_path / "python"))
-    settings = {name: setting["default"] for name, setting in authors.AuthorsBmfr.settings.items()}
-    with pytest.raises(RuntimeError, match="python"):
-        authors.AuthorsBmfr(SIZE, settings)

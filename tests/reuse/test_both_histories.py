@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reuse_scenes import SIZE, passing_box, settings, still
+from reuse_scenes import passing_box, settings, still
 from reuse_tools import PLAIN_GLSL, PLAIN_TOML, write_method
 
 from taubench_gl.animation import choose_camera
@@ -70,7 +70,7 @@ def run(scene, methods, history: str = "both", frames=(0, 3), **more):
 
 
 def test_where_the_other_eye_shows_a_surface(gpu):
-    """Motion by the parallax of the depth; masks are those of history ``eye``; its own image has no eye before it."""
+    """Motion and masks are those of history ``eye``; its own image has no eye before it."""
     reads, scene = ("radiance", "position", "motion", "mask"), passing_box()
 
     def request(history: str) -> FrameRequest:
@@ -81,17 +81,14 @@ def test_where_the_other_eye_shows_a_surface(gpu):
             eye = eyes.advance(number)
             first = read_channel(eye.textures["eye_mask"], "mask")
             frame = eyes.beside(inputs.advance(number), eye)
-        got = {name: read_channel(frame.textures[name], name) for name in ("position", "motion")}
+        own = read_channel(frame.textures["motion"], "motion")
         motion, mask = (read_channel(frame.textures[f"eye_{name}"], name) for name in ("motion", "mask"))
     with RasterInputs(request("eye"), reads) as across:
         across.before(5)
         expected = across.advance(5)
         np.testing.assert_array_equal(mask, read_channel(expected.textures["mask"], "mask"))
         np.testing.assert_allclose(motion, read_channel(expected.textures["motion"], "motion"), atol=1e-4)
-    assert ((first & int(Reason.FIRST)) != 0).all() and np.abs(got["motion"]).max() > 1.0, "the box moves in the camera"
-    seen, depth = (mask[..., 0] == 0) & (got["position"][..., 3] > 0), got["position"][..., 3]
-    focal = 0.5 * SIZE[1] / np.tan(np.radians(25.0))
-    np.testing.assert_allclose(motion[seen][:, 0], -focal * EYES / depth[seen], atol=1e-3)
+    assert ((first & int(Reason.FIRST)) != 0).all() and np.abs(own).max() > 1.0, "the box moves in the camera"
 
 
 def test_two_eyes_have_half_the_squared_error(method):

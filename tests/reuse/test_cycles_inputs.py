@@ -85,11 +85,20 @@ def ours(session_gpu):
 
 @pytest.mark.parametrize("known", ["motion pass", "scene"])
 def test_moving_surfaces_are_followed(gpu, ours, tmp_path, known):
+    """With motion vectors of the files, kept as they are also in the sky; and with the motion of the scene."""
     (tmp_path / "mapping.toml").write_text(WITHOUT_VECTOR)
     mapping = str(tmp_path / "mapping.toml") if known == "scene" else None
     files, facts = from_files(gpu, mover(), mapping)
     assert facts["motion_from"] == ("rasterized" if known == "scene" else "motion")
     assert facts["motion_pass"] == (None if known == "scene" else "Vector")
+    if known == "motion pass":
+        sequence = PathTracedSequence.open(INPUT)
+        for number, got in list(zip(FRAMES, files, strict=True))[1:]:
+            np.testing.assert_allclose(got["motion"], sequence.read(number).motion, atol=1e-5)
+        box = ours[3]["ids"][..., 0] == 3
+        albedo = np.median(files[3]["base_color"][box][:, :3], axis=0)
+        np.testing.assert_allclose(albedo, (0.8, 0.25, 0.15), rtol=0.01)
+        assert facts["base_color_from"] == "DiffCol"
     everywhere, on_box = followed(files, ours)
     assert everywhere > 0.98 and on_box > 0.9
     assert reusable_box(files, ours) == pytest.approx(reusable_box(ours, ours), abs=0.1)
@@ -103,13 +112,6 @@ def test_without_motion_the_box_is_not_followed(gpu, ours):
     assert on_box < 0.2 and everywhere < 0.98
 
 
-def test_motion_holds_the_vectors_of_the_files_as_they_are(gpu):
-    """Vectors are kept where they differ by a part of a pixel from the camera's, and in the sky."""
-    files, sequence = from_files(gpu, mover())[0], PathTracedSequence.open(INPUT)
-    for number, got in list(zip(FRAMES, files, strict=True))[1:]:
-        np.testing.assert_allclose(got["motion"], sequence.read(number).motion, atol=1e-5)
-
-
 def test_without_a_scene_the_motion_pass_is_enough(gpu, ours):
     """The camera is fitted to the passes."""
     request = FrameRequest(gpu, None, None, chosen(), InputKind(files=INPUT))
@@ -118,13 +120,6 @@ def test_without_a_scene_the_motion_pass_is_enough(gpu, ours):
     facts.release()
     gpu.collect()
     assert described["motion_from"] == "motion"
-
-
-def test_albedo_is_that_of_the_files(gpu, ours):
-    files, facts = from_files(gpu, mover())
-    assert facts["base_color_from"] == "DiffCol"
-    box = ours[3]["ids"][..., 0] == 3
-    np.testing.assert_allclose(np.median(files[3]["base_color"][box][:, :3], axis=0), (0.8, 0.25, 0.15), rtol=0.01)
 
 
 def test_reuse_of_cycles_frames_on_the_moving_box(ours):

@@ -12,7 +12,6 @@ from reuse_tools import run_cli
 
 from taubench_gl.paths import ASSETS
 from taubench_gl.report.reuse import class_label, reuse_tables
-from taubench_gl.reuse.evaluate import EvaluationRequest
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -83,8 +82,3 @@ def test_the_time_is_announced_and_the_noise_floor_printed(evaluated):
 def test_what_path_traced_input_cannot_use_is_one_line(options, capsys):
     code = run_cli("reuse", "evaluate", DEMO, "--methods", "none", "--frames", "0:2", *options)
     assert code == 2 and capsys.readouterr().err.count("\n") == 1
-
-
-def test_raster_input_keeps_the_exact_reference():
-    assert EvaluationRequest(input="noisy").reference == "max"
-    assert EvaluationRequest().reference == "path-traced"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from reuse_scenes import still
-from reuse_tools import evaluate
+from reuse_tools import evaluate, truth_of
 
 from taubench_gl.report.reuse import reuse_tables
 from taubench_gl.report.reuse_plots import plot_reuse
-from taubench_gl.reuse.scores import Displayed, ErrorParts, FrameTruth, MethodRecord, classify
+from taubench_gl.reuse.scores import ErrorParts, MethodRecord
 
 SHAPE, FRAMES, SEEDS = (30, 40), 9, 6
 BIAS, NOISE, REFERENCE_NOISE = 0.05, 0.2, 0.3
@@ -18,19 +18,15 @@ BIAS, NOISE, REFERENCE_NOISE = 0.05, 0.2, 0.3
 def record(seeds: int, most_bytes: int = 1 << 30, reference_noise: float = 0.0) -> MethodRecord:
     """Scores of gray images of mean 0.5 + BIAS and standard deviation NOISE against 0.5."""
     rng, out = np.random.default_rng(3), MethodRecord("a", frozenset(), True, parts=ErrorParts(most_bytes))
-    words, still_px = np.zeros(SHAPE, np.uint32), np.zeros((*SHAPE, 2))
     halves = [0.5 + reference_noise * rng.standard_normal((FRAMES, *SHAPE, 3)) for _ in range(2)]
     for seed in range(seeds):
         out.begin(seed)
         before = None
         for number in range(FRAMES):
             pair = tuple(half[number] for half in halves)
-            image = Displayed.of(np.mean(pair, axis=0), np.full(SHAPE, True), "linear")
-            known = pair if reference_noise else None
-            truth = FrameTruth(number, image, before, words, classify(words), still_px, halves=known)
-            shown = 0.5 + BIAS + NOISE * rng.standard_normal((*SHAPE, 4))
-            out.add(truth, shown, "linear", None)
-            before = image
+            truth = truth_of(np.mean(pair, axis=0), number, before, halves=pair if reference_noise else None)
+            out.add(truth, 0.5 + BIAS + NOISE * rng.standard_normal((*SHAPE, 4)), "linear", None)
+            before = truth.image
         out.end()
     return out
 

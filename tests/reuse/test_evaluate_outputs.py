@@ -11,11 +11,9 @@ import pytest
 from reuse_scenes import SIZE, passing_box
 from reuse_tools import evaluate, run_cli
 
-import taubench_gl.reuse
 from taubench_gl.checksums import KEY
 from taubench_gl.errors import OutputError
 from taubench_gl.paths import ASSETS
-from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.evaluate_output import ReuseFolder, detail_window, finite, side_by_side
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import CLASSES, ROW_COLUMNS
@@ -160,11 +158,6 @@ def test_command_line_reports_files_after_an_interrupt(tmp_path, monkeypatch, ca
         assert run_cli("reuse", "evaluate", "s.glb", "--methods", "none", *more) == 130
         err = capsys.readouterr().err
         assert err.count("\n") == 1 and all(name in err for name in names)
-
-
-def test_public_names():
-    assert taubench_gl.reuse.evaluate_methods is evaluate_methods
-    assert {"fit_setting", "MethodSpec", "parse_input"} <= set(taubench_gl.reuse.__all__)
 
 
 def test_command_line(tmp_path, capsys):

@@ -7,18 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from references import reuse_methods as reference
-from references.reuse_methods.fsr2 import BLOCK, Grids, Prepared, bilinear, pixels
+from references.reuse_methods.fsr2 import Grids, Prepared, pixels
 from reuse_scenes import drifting_checks, settings
-from reuse_tools import bypassed, still_steps
-from reuse_tools import play as play_same_size
+from reuse_tools import bypassed, stages, still_steps
+from reuse_tools import play as play_frames
 from stage_tools import stored
 
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.reuse.frame import FrameInputs, read_result
-from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.runner import MethodRunner
-from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
-from taubench_gl.srgb import LUMINANCE
+from taubench_gl.reuse.synthetic import synthetic_steps
 
 SMALL, LARGE = (40, 24), (60, 36)
 GRIDS = Grids(SMALL, LARGE)
@@ -65,16 +61,8 @@ def steps():
 
 def play(gpu, method, steps, **changed) -> list[Array]:
     """Results of LARGE from inputs of SMALL with JITTERS and SETTINGS but for ``changed``, row 0 at the bottom."""
-    uploader = Uploader(gpu, SMALL)
-    results = []
-    with MethodRunner(gpu, method, LARGE, SETTINGS | changed, input_size=SMALL) as runner:
-        for step in steps:
-            frame = uploader.frame(step)
-            fields = {n: getattr(frame, n) for n in FrameInputs.__dataclass_fields__}
-            fields |= {"jitter_px": JITTERS[step.index], "prev_jitter_px": JITTERS[max(step.index - 1, 0)]}
-            results.append(read_result(runner.step(FrameInputs(**fields)))[::-1])
-    uploader.release()
-    return results
+    jitter = {"jitter_px": lambda index: JITTERS[index], "prev_jitter_px": lambda index: JITTERS[max(index - 1, 0)]}
+    return [result[::-1] for result in play_frames(gpu, method, steps, SETTINGS | changed, size=LARGE, **jitter)]
 
 
 def reference_frames(steps) -> list[Array]:
@@ -162,13 +150,7 @@ BYPASSES = {
 }  # fmt: skip
 
 
-def test_every_stage_has_a_bypass():
-    stages = load_method("fsr2-class").stages
-    assert {stage.name for stage in stages if stage.done} <= set(BYPASSES)
-    assert [stage.name for stage in stages if not stage.done] == ["auto_reactive"]
-
-
-@pytest.mark.parametrize("stage", BYPASSES)
+@pytest.mark.parametrize("stage", stages("fsr2-class", BYPASSES))
 def test_a_bypassed_stage_is_noticed(gpu, tmp_path, steps, expected, stage):
     folder = bypassed(tmp_path / "fsr2-class", "fsr2-class", BYPASSES[stage])
     with pytest.raises(AssertionError, match="largest"):
@@ -189,21 +171,6 @@ def test_upsampling_of_a_plane_is_exact_at_the_samples_and_close_between():
     error, nearest = color[..., 0] - 0.3 - 0.01 * pixel, 0.01 * (np.floor(pixel + 0.5) - pixel)
     assert np.abs(error).mean() < 0.5 * np.abs(nearest).mean()
     assert (box["least"] <= color).all() and (color <= box["most"]).all()
-
-
-def test_the_upsampled_color_is_in_the_range_of_its_samples():
-    """Colored fireflies: per channel between the least and the most of the samples of the nearest 3x3 pixels."""
-    radiance = fireflies(np.random.default_rng(55), SMALL[::-1])
-    prepared = reference.fsr2_tone_mapped(radiance)
-    at = GRIDS.input_from_output(pixels(LARGE))
-    samples = np.pad(prepared, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    around = np.stack([samples[y : y + SMALL[1], x : x + SMALL[0]] for y in range(3) for x in range(3)])
-    for jitter in JITTERS.astype(np.float64):
-        x, y = np.moveaxis(np.clip(np.floor(at - jitter + 0.5).astype(int), 0, np.array(SMALL) - 1), -1, 0)
-        for sharp in (1.0, 1.99):
-            color, _, _ = reference.fsr2_upsample(prepared, at, jitter, np.full(at.shape[:2], sharp))
-            assert (color >= around.min(axis=0)[y, x]).all() and (color <= around.max(axis=0)[y, x]).all()
-            assert reference.fsr2_radiance(color).max() <= radiance.max() * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("sharpen", [False, True])
@@ -234,14 +201,6 @@ def test_the_border_is_upsampled_like_the_inside():
             assert (weight >= 0).all() and weight[10, [0, -1]].min() < 0.5 * weight[10, 60:63].max()
 
 
-def test_an_unstable_luminance_has_a_wide_box():
-    """Returns to an older luminance: yes.  To none of them, by less than a step, or in a flat box: no."""
-    before = np.array([0.5, 0.3, 0.52, 0.0])
-    now, wide = np.array([0.3, 0.9, 0.501, 0.3]), np.array([0.1, 0.1, 0.1, 0.03])
-    got = reference.fsr2_unstable(now, wide, np.tile(before, (4, 1)))
-    np.testing.assert_array_equal(got, [True, False, False, False])
-
-
 def test_motion_divergence_of_closed_forms():
     """One motion: 0.  Two opposite ones: 1 beside the edge.  Half as fast before: 1/2, from 20 pixels on."""
     grids = Grids((40, 24), (80, 48))
@@ -259,21 +218,6 @@ def test_motion_divergence_of_closed_forms():
     np.testing.assert_array_equal(divergence(flat, 2 * flat), np.zeros((24, 40)))
 
 
-def test_lanczos_kernel():
-    x = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
-    expected = [1.0, (2 / np.pi) * np.sinc(0.25), 0.0, np.sinc(1.5) * np.sinc(0.75), 0.0, 0.0]
-    np.testing.assert_allclose(reference.lanczos2(x), expected, atol=1e-12)
-
-
-def test_thin_features_are_lines_and_dots():
-    image = np.full((16, 16), 0.2)
-    image[4, :] = 0.6  # a line
-    image[9, 9] = 0.05  # a dot
-    image[11:14, 2:6] = 0.9  # a block
-    thin = reference.fsr2_thin_features(image, 1.05)
-    assert thin[4, 1:-1].all() and thin[9, 9] and not thin[11:14, 2:6].any() and not thin[6:9, :8].any()
-
-
 def test_depth_clip_of_closed_forms():
     """Nothing in front: 1.  A surface at half the depth in half the footprint: 1/2 and what its tolerance leaves."""
     before = np.full((8, 8), 4.0)
@@ -285,41 +229,6 @@ def test_depth_clip_of_closed_forms():
     np.testing.assert_array_equal(reference.fsr2_depth_clip(at - 50, expected, before, 0.1), [[0, 0, 0]])
 
 
-def test_locks_lie_where_their_samples_are():
-    """Every lock contains exactly one thin sample, and none is lost inside the image."""
-    rng = np.random.default_rng(52)
-    thin = rng.random(SMALL[::-1]) < 0.1
-    locks = reference.fsr2_new_locks(thin, GRIDS, JITTERS[1])
-    assert locks.sum() == thin.sum()
-    where = np.argwhere(locks)[:, ::-1]
-    samples = GRIDS.output_from_input(np.argwhere(thin)[:, ::-1] + JITTERS[1])
-    assert all((np.abs(samples - w) <= 0.5 + 1e-6).all(axis=-1).any() for w in where)
-
-
-def test_sharpening_keeps_flat_areas_and_stays_in_range():
-    rng = np.random.default_rng(53)
-    image = rng.random((32, 32, 3))
-    sharp = reference.fsr2_rcas(image, 1.0)
-    assert sharp.min() >= 0 and sharp.max() <= 1
-    np.testing.assert_allclose(reference.fsr2_rcas(np.full((8, 8, 3), 0.4), 1.0), 0.4)
-    edge = np.full((8, 8, 3), 0.3)
-    edge[:, 4:] = 0.6
-    assert (np.abs(np.diff(reference.fsr2_rcas(edge, 1.0)[4, :, 0])).max()) > 0.3
-
-
-def test_block_luminance_is_the_geometric_mean():
-    rng = np.random.default_rng(54)
-    image = rng.gamma(1.0, 1.0, (20, 40, 3)) + 0.01
-    blocks = reference.fsr2_block_luminance(image)
-    luminance = image @ LUMINANCE
-    assert blocks.shape == (2, 3)
-    np.testing.assert_allclose(np.exp(blocks[1, 2]), np.prod(luminance[BLOCK:, 2 * BLOCK :] ** (1 / 32)))
-    at = np.array([[[7.5, 7.5], [15.5, 7.5]]])
-    expected = np.exp([[blocks[0, 0], 0.5 * (blocks[0, 0] + blocks[0, 1])]])
-    np.testing.assert_allclose(reference.fsr2_shading_luminance(blocks, at), expected)
-    np.testing.assert_allclose(bilinear(image, np.array([[[3.5, 2.0]]]))[0, 0], image[2, 3:5].mean(axis=0))
-
-
 def test_noise_darkens_to_the_mean_of_its_tone_map(gpu):
     """Exponential noise x of mean 1: m / (1 - m) with m the mean of x / (1 + x): FSR2 averages tone-mapped colors."""
     rng = np.random.default_rng(55)
@@ -328,7 +237,7 @@ def test_noise_darkens_to_the_mean_of_its_tone_map(gpu):
     frames = [replace(step, inputs=step.inputs | empty) for step in still_steps(SMALL, noise)]
     x = np.concatenate([image.ravel() for image in noise])
     tone_mapped = np.mean(x / (1 + x))
-    last = play_same_size(gpu, "fsr2-class", frames)[-1][..., :3].mean()
+    last = play_frames(gpu, "fsr2-class", frames)[-1][..., :3].mean()
     assert last == pytest.approx(tone_mapped / (1 - tone_mapped), rel=0.05)
     assert last < 0.75 < 0.95 < x.mean()
 

@@ -8,22 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from reuse_scenes import passing_box, still
-from reuse_tools import evaluate
+from reuse_tools import evaluate, truth_of, with_weight
 
 from taubench_gl.errors import SettingsError
 from taubench_gl.reuse import perceptual, quality
 from taubench_gl.reuse.perceptual import Perceptual, open_perceptual
-from taubench_gl.reuse.scores import BLACK, Displayed, FrameTruth, MethodRecord, classify
+from taubench_gl.reuse.scores import BLACK, MethodRecord
 
 H, W = 40, 50
 RNG = np.random.default_rng(4)
-
-
-def frame_of(radiance: np.ndarray, index: int, previous: Displayed | None) -> FrameTruth:
-    image = Displayed.of(radiance, np.ones(radiance.shape[:2], bool), "linear")
-    mask = np.zeros(radiance.shape[:2], np.uint32)
-    motion = np.zeros((*radiance.shape[:2], 2))
-    return FrameTruth(index, image, previous, mask, classify(mask), motion, quality.fixed_gain(radiance))
 
 
 def record_of(pairs, metrics=("flip",), **more) -> MethodRecord:
@@ -32,9 +25,9 @@ def record_of(pairs, metrics=("flip",), **more) -> MethodRecord:
     record.begin(0)
     previous = None
     for index, (image, reference) in enumerate(pairs):
-        frame = frame_of(reference, index, previous)
+        frame = truth_of(reference, index, previous, gain=quality.fixed_gain(reference))
         previous = frame.image
-        record.add(frame, np.concatenate([image, np.zeros((*image.shape[:2], 1))], axis=-1), "linear", None)
+        record.add(frame, with_weight(image), "linear", None)
     record.end()
     return record
 

@@ -28,12 +28,6 @@ def test_stages_are_loaded_and_shown(tmp_path):
     assert [s["missing"] for s in json.loads(shown.output)["stages"]] == [None, "no color box"]
 
 
-def test_a_missing_stage_is_in_the_name(tmp_path):
-    with pytest.raises(MethodError, match="plain_without_clip"):
-        load_method(write_method(tmp_path / "plain", PLAIN_TOML + MISSING, a=PLAIN_GLSL))
-    load_method(write_method(tmp_path / "plain-class", PLAIN_TOML + MISSING, a=PLAIN_GLSL))
-
-
 def test_stages_of_the_built_in_methods():
     """Missing: what concerns inputs that frames have here anyway.  All others have every stage."""
     methods = {path.name: load_method(path.name) for path in BUILTIN.iterdir() if (path / "method.toml").exists()}
@@ -45,25 +39,6 @@ def test_stages_of_the_built_in_methods():
     assert all(
         methods[name].stages for name in ("svgf", "asvgf", "bmfr", "fsr2-class", "reblur-class", "taa_clip", "ris")
     )
-
-
-@pytest.mark.parametrize(
-    ("text", "part"),
-    [
-        ("stages = 3\n", "stages "),
-        ("[stages]\nblend = 3\n", "stages.blend "),
-        (DONE.replace("blend", "Blend", 1), "stages.Blend: "),
-        (DONE.replace("a.glsl", "b.glsl"), "stages.blend.shader: 'b.glsl'"),
-        (DONE.replace("paper", "page"), "stages.blend.page "),
-        (DONE.replace('"Eq. (1)"', "1"), "stages.blend.paper "),
-        (DONE + 'missing = "x"\n', "stages.blend: "),
-    ],
-)
-def test_wrong_stages(tmp_path, text, part):
-    toml = text + PLAIN_TOML if text.startswith("stages") else PLAIN_TOML + text
-    with pytest.raises(MethodError) as caught:
-        load_method(write_method(tmp_path / "m", toml, a=PLAIN_GLSL))
-    assert part in caught.value.what and "\n" not in str(caught.value)
 
 
 def test_stages_of_a_class():

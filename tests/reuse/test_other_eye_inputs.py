@@ -44,27 +44,11 @@ def test_the_history_is_what_a_camera_at_the_other_eye_gets(gpu):
         assert np.array_equal(other["radiance"], arrays(there.advance(0))["radiance"])
         assert np.array_equal(got["radiance"], arrays(here.advance(0))["radiance"])
     assert np.array_equal(got["history_position"], other["position"])
-    lens, depth = (
-        choose_camera(scene).view_at(inputs.request.animated.poser.sample(0.0)).camera,
-        got["position"][..., 3],
-    )
+    depth = got["position"][..., 3]
     seen = (got["mask"][..., 0] == 0) & (depth > 0)
-    focal = 0.5 * SIZE[1] / np.tan(0.5 * lens.yfov)
+    focal = 0.5 * SIZE[1] / np.tan(np.radians(25.0))
     np.testing.assert_allclose(got["motion"][seen][:, 0], -focal * EYES / depth[seen], atol=1e-3)
     assert seen.mean() > 0.3 and np.abs(got["motion"][seen][:, 1]).max() < 1e-3
-
-
-@pytest.mark.long
-def test_two_eyes_with_one_sample_each_have_half_the_squared_error():
-    """No reuse is the same with either history; the mean of two independent samples has half the error."""
-    how = {"input": "path-traced@1", "reference": "path-traced@256", "metrics": ("psnr",), "statistics": False}
-    values = {}
-    for history in ("frame", "eye"):
-        chosen = settings(history=history, frames=(0, 2), reprojection="motion")
-        done = evaluate_methods(still(), ["none", "accumulate"], chosen, **how)
-        values[history] = {row["method"]: row for row in done.rows if row["frame"] == 1}
-    assert values["eye"]["none"]["linear_mse"] == values["frame"]["none"]["linear_mse"]
-    assert 0.45 < values["eye"]["accumulate"]["linear_mse"] / values["eye"]["none"]["linear_mse"] < 0.6
 
 
 @pytest.mark.parametrize(("history", "methods"), [("both", ["none"]), ("eye", ["greedy"])])

@@ -156,30 +156,6 @@ def test_points_of_a_moving_panel(gpu, tmp_path):
     np.testing.assert_allclose(got["drawn"][drawn > 0, 3], 0.25, rtol=1e-6)
 
 
-def test_the_panel_is_sampled_without_bias(gpu):
-    """Against quadrature over 16x16 points of each triangle, twelve t-values at 1e-4 together."""
-    scene = panel(0.0)
-    results, surfaces, rows, _ = run_seeds(gpu, scene, load_method("ris"), 1, range(64), {"candidates": 4})
-    view_position = np.array([0.0, 1.2, 2.0])
-    u = (np.arange(16) + 0.5) / 16
-    grid = np.stack(np.meshgrid(u, u), axis=-1).reshape(-1, 2)
-    points = surfaces["position"][..., :3].astype(np.float64)
-    exact = own_light.reflected(surfaces, rows[0])
-    for corners in (
-        [[-0.4, 1.5, -1.3], [0.4, 1.5, -1.3], [0.4, 1.5, -0.7]],
-        [[-0.4, 1.5, -1.3], [0.4, 1.5, -0.7], [-0.4, 1.5, -0.7]],
-    ):
-        at = np.array(corners) - view_position
-        for uv in grid:
-            to_light, radiance = own_light.area_incident(
-                at, np.array([3.0, 2.0, 1.0]), np.broadcast_to(uv, (*points.shape[:2], 2)), points
-            )
-            exact = exact + own_light.brdf(surfaces, to_light) * radiance / len(grid)
-    blocked = np.any(surfaces["color"][..., :3] == 0, axis=-1) | (surfaces["position"][..., 3] == 0)
-    assert not blocked.any(), "the panel itself is not in view"
-    assert np.abs(t_values(results, exact)).max() < 4.9
-
-
 def test_the_result_is_completed_by_the_rest_of_the_light(gpu, probe):
     """Exposure for the method's light; indirect light and emission of the input, which are radiance - direct."""
     with opened(gpu, lamps(), (*probe.reads, "direct"), bounces=3, indirect="auto", exposure=2.0) as inputs:
@@ -235,24 +211,6 @@ def test_frames_without_lights_are_refused(gpu, probe):
     ):
         runner.step(inputs.advance(0))
     assert "lights" in str(caught.value) and "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "part"),
-    [
-        (TOML.replace('"own"', '"mine"'), "light: "),
-        ("upscales = true\n" + TOML, "light: "),
-        (TOML.replace('probe = "Probe"', 'probe = "Prob"'), "history.probe: "),
-        (TOML.replace('now = "vec4"', 'now = "vec3"'), "structs.Probe.now: "),
-        (TOML.replace("structs.Probe", "structs.probe"), "structs.probe: "),
-        (TOML.replace('probe = "Probe"', 'light_at = "Probe"'), "history: "),
-        (TOML + "block = [8, 8]\n", "pass[0].block: "),
-    ],
-)
-def test_wrong_declarations(tmp_path, text, part):
-    with pytest.raises(MethodError) as caught:
-        load_method(write_method(tmp_path / "m", text, a=GLSL))
-    assert part in caught.value.what and "\n" not in str(caught.value)
 
 
 def test_a_struct_needs_no_lights(tmp_path):

@@ -158,12 +158,6 @@ def test_the_onnx_example_of_the_guide(gpu, tmp_path):
         np.testing.assert_allclose(got[..., :3], wanted[..., :3], rtol=2e-4, atol=2e-5)
 
 
-def test_ort_values_share_the_memory_of_the_arrays():
-    onnxruntime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
-    array = np.ones((3, 4, 3), dtype=np.float32)
-    assert onnxruntime.OrtValue.ortvalue_from_numpy(array).data_ptr() == array.ctypes.data
-
-
 def test_a_method_for_torch_without_torch_says_so(gpu, monkeypatch):
     import sys
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from references.reuse_methods import previous_px, sample_history
+from reuse_tools import truth_of, with_weight
 
 from taubench_gl.conventions import FRUSTUM, Reason
-from taubench_gl.features import MASK_WORDS
 from taubench_gl.reuse import quality
-from taubench_gl.reuse.scores import CLASSES, ClassErrors, Displayed, FrameTruth, MethodRecord, classify, weights
+from taubench_gl.reuse.scores import CLASSES, ClassErrors, MethodRecord, classify, weights
 
 H, W = 24, 32
 RNG = np.random.default_rng(3)
@@ -106,21 +106,6 @@ def test_temporal_error_of_constant_and_alternating_bias():
     np.testing.assert_allclose(quality.temporal_squared_error(*alternating, *reference), 0.04)
 
 
-def test_every_mask_word_has_one_class():
-    words = np.arange(MASK_WORDS, dtype=np.uint32).reshape(256, 256)
-    got = classify(words)
-    names = list(CLASSES)
-
-    def first_class(word: int) -> str:
-        for name, (bits, _) in CLASSES.items():
-            if bits and word & bits:
-                return name
-        return "rest"
-
-    some = RNG.integers(0, MASK_WORDS, 2000)
-    assert [names[k] for k in got.ravel()[some]] == [first_class(int(w)) for w in some]
-
-
 @pytest.mark.parametrize(
     ("word", "name"),
     [
@@ -174,14 +159,12 @@ def test_weights_against_the_exact_mask():
 def test_invalid_pixel_has_no_temporal_error(broken_frame):
     """An invalid pixel is black; neither its frame nor the next one counts the change to black and back."""
     record, previous = MethodRecord("m", frozenset({"tpsnr", "flicker"}), True), None
-    mask, motion, everywhere = np.zeros((H, W), dtype=np.uint32), np.zeros((H, W, 2)), np.ones((H, W), dtype=bool)
     for frame in range(2):
-        image = Displayed(flat(0.5), quality.display(flat(0.5)), everywhere)
-        result = np.concatenate([flat(0.5), np.ones((H, W, 1))], axis=-1)
+        truth, result = truth_of(flat(0.5), frame, previous), with_weight(flat(0.5), 1.0)
         if frame == broken_frame:
             result[5, 6, :3] = np.nan
-        record.add(FrameTruth(frame, image, previous, mask, classify(mask), motion), result, "linear", None)
-        previous = image
+        record.add(truth, result, "linear", None)
+        previous = truth.image
     assert record.rows[1]["tpsnr_db"] is None and record.rows[1]["flicker"] == 0.0
     assert record.summary()["invalid_pixels"] == 1
 

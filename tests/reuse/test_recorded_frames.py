@@ -70,14 +70,6 @@ def test_recorded_frames_score_as_the_method_that_made_them(saved):
     assert methods["accumulate"]["time_ms"] > 0
 
 
-def test_reference_as_a_method_has_no_error(saved):
-    results, _, _ = saved
-    done = evaluate(
-        passing_box(), [f"exr:{results / 'reference'}"], FRAMES, input="jittered", settings={"exposure": 0.75}
-    )
-    assert done.summary["methods"]["exr:reference"]["mean"]["relmse"] < 1e-12
-
-
 def write(folder, frames, size=SIZE, names="RGB", value=0.25):
     for frame in frames:
         planes = {name: np.full(size[::-1], value, dtype=np.float32) for name in names}

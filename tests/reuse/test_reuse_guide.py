@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +14,10 @@ from reuse_tools import evaluate, play
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.conventions import Reason
-from taubench_gl.errors import MethodError, OutputError
+from taubench_gl.errors import OutputError
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.check import check_method, write_example
-from taubench_gl.reuse.contract import EMITTED, FORMATS, LIGHTS
+from taubench_gl.reuse.contract import FORMATS
 from taubench_gl.reuse.declaration import MethodFile, PassEntry, SettingEntry, StageEntry
 from taubench_gl.reuse.frame import INPUTS
 from taubench_gl.reuse.glsl_method import FRAME, build_source
@@ -40,10 +39,6 @@ def guide_method(tmp_path):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
     return tmp_path / "ema"
-
-
-def test_shortest_method_has_fewer_than_thirty_lines(guide_method):
-    assert sum(len((guide_method / name).read_text().splitlines()) for name in ("method.toml", "ema.glsl")) < 30
 
 
 def test_guide_method_accumulates_and_rejects(gpu, guide_method):
@@ -137,30 +132,7 @@ def test_list_and_show(monkeypatch, tmp_path):
     for name in builtin_methods():
         facts = json.loads(run.invoke(cli, ["reuse", "show", name, "--json"], catch_exceptions=False).output)
         method = load_method(name)
-        raw = {"reads": list(method.reads), "settings": method.settings}
-        if method.factory is None:
-            raw = tomllib.loads((method.folder / "method.toml").read_text())
-        own = [EMITTED, LIGHTS] if raw.get("light") == "own" else []
-        assert (
-            facts["cite"]
-            and facts["reads"] == [*raw.get("reads", []), *own]
-            and set(facts["settings"]) == set(raw.get("settings", {}))
-        )
+        assert facts["cite"] and facts["reads"] == list(method.reads) and set(facts["settings"]) == set(method.settings)
         assert facts["bytes_1080p"] >= 1920 * 1080 * 16
     shown = run.invoke(cli, ["reuse", "show", "taa_variance"], catch_exceptions=False).output
     assert all(part in shown for part in ("Salvi 2016", "gamma", "99.5 MB", "variance.glsl", "0 to 8"))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "value"),
-    [
-        (["show", "taa_clmp"], "'taa_clamp'"),
-        (["check", "none", "--set", "alpha=1"], "'alpha'"),
-        (["check", "taa_clamp", "--set", "alpha=high"], "'high'"),
-        (["check", "no/such/folder"], "'no/such/folder'"),
-    ],
-)
-def test_wrong_input_is_one_line(arguments, value):
-    result = CliRunner().invoke(cli, ["reuse", *arguments])
-    assert isinstance(result.exception, MethodError)
-    assert value in str(result.exception) and "\n" not in str(result.exception)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reuse_tools import PLAIN_GLSL, PLAIN_TOML, play, still_steps, write_method
+from reuse_tools import PLAIN_TOML, play, still_steps, write_method
 
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import MethodError
@@ -306,12 +306,3 @@ def test_runner_releases_its_memory(gpu):
     held = MethodRunner(gpu, "svgf", (256, 144))
     assert process.memory_info().rss - before < 8 * held.bytes
     held.release()
-
-
-def test_method_without_history(gpu, tmp_path):
-    rng = np.random.default_rng(2)
-    image = rng.random((SIZE[1], SIZE[0], 3)).astype(np.float32)
-    folder = write_method(tmp_path / "m", PLAIN_TOML, a=PLAIN_GLSL)
-    result = play(gpu, folder, still_steps(SIZE, [image]))[0]
-    np.testing.assert_array_equal(result[..., :3], image)
-    assert (result[..., 3] == -1).all(), "it reports no weight of history"

@@ -9,11 +9,10 @@ import pytest
 from references import sample_scores
 from references.reuse_methods.restir import Moment
 from reuse_scenes import settings as small_settings
-from reuse_tools import PLAIN_GLSL, PLAIN_TOML, write_method
+from reuse_tools import truth_of
 from sample_tools import SCENES, lamps, opened, triangles_of
 
 from taubench_gl.conventions import Reason
-from taubench_gl.errors import MethodError
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.report.reuse import merged_summaries, reuse_tables
 from taubench_gl.reuse.evaluate import evaluate_methods
@@ -28,7 +27,6 @@ from taubench_gl.reuse.samples import (
     outcome_colors,
     sign_test,
 )
-from taubench_gl.reuse.scores import Displayed, FrameTruth, classify
 
 SMALL = {"candidates": 4}
 
@@ -145,13 +143,6 @@ def test_sign_test(split, p):
     assert sign_test(*split) == pytest.approx(p)
 
 
-def reference(radiance, frame: int = 0, mask=0) -> FrameTruth:
-    shape = radiance.shape[:2]
-    words = np.full(shape, mask, dtype=np.uint32)
-    image = Displayed.of(radiance, np.full(shape, True), "linear")
-    return FrameTruth(frame, image, None, words, classify(words), np.zeros((*shape, 2)))
-
-
 def gray(values) -> np.ndarray:
     return np.repeat(np.asarray(values, dtype=np.float64)[..., None], 3, axis=-1)
 
@@ -166,7 +157,7 @@ def test_bias_and_correlation_of_made_images():
             record.begin()
             for frame in range(3):
                 image = images[frame if name == "fresh" else 0]
-                record.add(made(shape=shape), gray(image), reference(gray(np.full(shape, 0.5)), frame))
+                record.add(made(shape=shape), gray(image), truth_of(gray(np.full(shape, 0.5)), frame))
     fresh, held = (record.summary() for record in records.values())
     assert fresh["bias"]["mean"] == pytest.approx(0.02, abs=4 * 0.1 / np.sqrt(6 * 2 * 2000))
     assert fresh["bias"]["percent"] == pytest.approx(200 * fresh["bias"]["mean"])
@@ -186,33 +177,27 @@ def test_one_seed_has_no_interval():
     record = SampleRecord(1, 1.0)
     record.begin()
     for frame in range(2):
-        record.add(made(), gray(np.zeros((3, 4))), reference(gray(np.ones((3, 4))), frame))
+        record.add(made(), gray(np.zeros((3, 4))), truth_of(gray(np.ones((3, 4))), frame))
     out = record.summary()
     assert out["bias"]["low"] is None and out["bias"]["mean"] == pytest.approx(-1.0)
 
 
-def test_frames_until_a_new_light_is_found():
-    """Born in frame 1, half of the light; found two frames later, but never in the first row."""
+@pytest.mark.parametrize("light", [0.25, 0.1])
+def test_frames_until_a_new_light_is_found(light):
+    """Born in frame 1, found two frames later, never in the first row; half of all light counts, a fifth does not."""
     record, none = SampleRecord(1, 2.0), (0, 0.5, 0.5, 4)
     record.begin()
     expected = gray(np.ones((3, 4)))
     for number in range(5):
-        frame = made(kept=none, born=7 if number == 1 else -1, born_light=0.25)
+        frame = made(kept=none, born=7 if number == 1 else -1, born_light=light)
         if number >= 3:
             kept = frame.kept.copy()
             kept[1:, :, 0] = 7
             frame = SampleFrame(frame.history, kept, frame.facts, frame.born, frame.born_light, frame.counts)
-        record.add(frame, expected, reference(expected, number))
+        record.add(frame, expected, truth_of(expected, number))
     born = record.summary()["born"]
-    assert born == {"pixels": 12, "found_percent": pytest.approx(100 * 8 / 12), "frames": 2.0}
-
-
-def test_a_weak_new_light_is_not_looked_for():
-    record = SampleRecord(1, 1.0)
-    record.begin()
-    for number in range(3):
-        record.add(made(born=7, born_light=0.2), gray(np.ones((3, 4))), reference(gray(np.ones((3, 4))), number))
-    assert record.summary()["born"]["pixels"] == 0
+    found = {"pixels": 12, "found_percent": pytest.approx(100 * 8 / 12), "frames": 2.0}
+    assert born == (found if light == 0.25 else {"pixels": 0, "found_percent": None, "frames": None})
 
 
 def test_words_and_colors_of_a_reservoir():
@@ -248,10 +233,3 @@ def test_an_evaluation_scores_them(gpu):
     plain = done.summary | {"methods": {"none": methods["none"]}}
     (merged,) = merged_summaries([("a", plain), ("b", done.summary)])
     assert [table.number for table in reuse_tables(merged)][-4:] == [8, 9, 10, 12]
-
-
-def test_reports_of_samples_need_lights(tmp_path):
-    toml = PLAIN_TOML.replace('["result"]', '["result", "kept_sample"]')
-    with pytest.raises(MethodError) as caught:
-        load_method(write_method(tmp_path / "m", toml, a=PLAIN_GLSL))
-    assert "pass[0].writes" in caught.value.what

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from reuse_scenes import still
-from reuse_tools import evaluate
+from reuse_tools import evaluate, truth_of, with_weight
 
 from taubench_gl.metrics.blending import blend, nearest_clipped_weight, nearest_weight
 from taubench_gl.report.reuse import BELOW_NOISE, reuse_tables
@@ -15,24 +15,16 @@ from taubench_gl.reuse import quality
 from taubench_gl.reuse.bound import Blended, BoundRecord, bound_of_frame
 from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.quality import MEASURES, WHITE
-from taubench_gl.reuse.scores import Displayed, FrameTruth, MethodRecord, classify
+from taubench_gl.reuse.scores import FrameTruth, MethodRecord
 
 H, W = 20, 50
 RNG = np.random.default_rng(7)
 
 
-def reference_of(radiance: np.ndarray, **facts) -> FrameTruth:
-    h, w = radiance.shape[:2]
-    mask, motion = np.zeros((h, w), np.uint32), np.zeros((h, w, 2))
-    return FrameTruth(
-        1, Displayed.of(radiance, np.ones((h, w), bool), "linear"), None, mask, classify(mask), motion, **facts
-    )
-
-
 def record_of(image: np.ndarray, reference: FrameTruth) -> MethodRecord:
     record = MethodRecord("a", frozenset(), True, warmup=0)
     record.begin(0)
-    record.add(reference, np.concatenate([image, np.zeros((*image.shape[:2], 1))], axis=-1), "linear", None)
+    record.add(reference, with_weight(image), "linear", None)
     return record
 
 
@@ -54,7 +46,7 @@ def test_product_of_the_errors_against_two_halves_is_unbiased():
 
 def test_error_below_the_noise_of_the_reference_is_negative_and_said_to_be_below_it():
     truth = np.full((H, W, 3), 0.5)
-    record = record_of(truth, reference_of(truth, halves=(truth + 0.1, truth - 0.1)))
+    record = record_of(truth, truth_of(truth, halves=(truth + 0.1, truth - 0.1)))
     assert record.rows[0]["linear_mse"] == pytest.approx(-0.01) and record.rows[0]["relmse"] == 0.0
     assert record.summary()["classes"]["rest"]["linear_mse"] == pytest.approx(-0.01)
 
@@ -64,17 +56,16 @@ def test_emitters_are_left_out_of_linear_errors_and_have_their_own():
     image, emitters = truth + 0.1, np.zeros((H, W), bool)
     emitters[3, 4:6] = True
     truth = np.where(emitters[..., None], 286.0, truth)
-    record = record_of(image, reference_of(truth, emitters=emitters))
+    record = record_of(image, truth_of(truth, emitters=emitters))
     row, mean = record.rows[0], record.summary()
     assert row["linear_mse"] == row["clipped_mse"] == pytest.approx(0.01)
     assert row["relmse"] == pytest.approx(0.01 / 0.26)
     assert row["emitter_percent"] == pytest.approx(0.2) and row["emitter_linear_mse"] == pytest.approx(285.4**2)
     assert mean["classes"]["rest"]["linear_mse"] == pytest.approx(0.01) and mean["classes"]["rest"]["pixels"] == H * W
-    plain = record_of(image, reference_of(truth))
+    plain = record_of(image, truth_of(truth))
     assert plain.rows[0]["psnr_db"] == row["psnr_db"] and plain.rows[0]["emitter_percent"] is None
     blended = Blended(image, truth, np.ones((H, W), bool), None)
-    result = np.concatenate([image, np.zeros((H, W, 1))], axis=-1)
-    bound = bound_of_frame(blended, result, truth, np.ones((H, W), bool), emitters)
+    bound = bound_of_frame(blended, with_weight(image), truth, np.ones((H, W), bool), emitters)
     assert bound.method_mse == pytest.approx(0.01) and bound.mse == 0.0
 
 
@@ -82,10 +73,10 @@ def test_share_of_the_largest_thousandth_of_the_pixels():
     truth = np.zeros((H, W, 3))
     image = np.full_like(truth, 0.1)
     image[0, 0] = 3.0  # 1 of 1000 pixels
-    share = record_of(image, reference_of(truth)).summary()["tail_percent"]
+    share = record_of(image, truth_of(truth)).summary()["tail_percent"]
     assert share["linear_mse"] == pytest.approx(100.0 * 9.0 / (9.0 + 999 * 0.01))
     image[0, 0] = 300.0
-    clipped = record_of(image, reference_of(truth))
+    clipped = record_of(image, truth_of(truth))
     assert clipped.rows[0]["clipped_mse"] == pytest.approx((WHITE**2 + 999 * 0.01) / 1000)
 
 
@@ -110,9 +101,8 @@ def test_headroom_has_the_ratio_of_the_means_and_its_intervals():
     for seed in range(5):
         for _ in range(24):
             now = np.full((4, 5, 3), 0.4 + 0.04 * RNG.random())
-            result = np.concatenate([now + 0.1, np.zeros((4, 5, 1))], axis=-1)
             blended = Blended(now, np.full_like(now, 0.6), everywhere, None)
-            frame = bound_of_frame(blended, result, np.full_like(now, 0.7), everywhere)
+            frame = bound_of_frame(blended, with_weight(now + 0.1), np.full_like(now, 0.7), everywhere)
             record.seeds.setdefault(seed, []).append(frame)
     bound = record.summary()
     expected = 10.0 * np.log10(bound["method_linear_mse"] / bound["linear_mse"])

@@ -112,6 +112,13 @@ def read_json(path: Path) -> dict[str, Any]:
     return json.loads(data)
 
 
+def read_parts(path: Path) -> tuple[dict[str, Any], bytes]:
+    """JSON and binary chunk of a .glb."""
+    data = path.read_bytes()
+    (size,) = struct.unpack_from("<I", data, 12)
+    return read_json(path), data[28 + size :]
+
+
 def triangle_scene() -> Gltf:
     """One node, one mesh, one triangle."""
     gltf = Gltf()

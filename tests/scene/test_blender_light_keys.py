@@ -12,12 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fixed import fixed_settings
 from gltf_builders import LIGHT, pointer
 from gltf_files import Gltf
 
-from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.gltf.blender import KEYS_SEEN, KEYS_SINCE
 from taubench_gl.scene.model import Scene
@@ -168,45 +165,3 @@ def test_cubic_keys_of_cones_are_read(tmp_path: Path) -> None:
     gltf.animation(pointer(f"{LIGHT}/spot.innerConeAngle"), TIMES, values, "CUBICSPLINE")
     scene = load_scene(gltf.save(tmp_path))
     np.testing.assert_allclose(keys_of(scene, SPOT, "inner_cone"), (1.0 - BLEND) * OUTER, rtol=1e-6)
-
-
-def lit_floor(folder: Path, light: int, *, animated: bool) -> Scene:
-    """A white floor under one of the lights, 3 m above it, seen from above; the others are off."""
-    on = [float(i == light) for i in range(3)]
-    keys = [k * o for k, o in zip(KEYS, on)] if animated else ()
-    gltf = written(static=[i * o for i, o in zip(STATIC, on)], keys=keys)
-    corners = np.array([[-2, -2, 0], [2, -2, 0], [-2, 2, 0], [2, 2, 0]], np.float32)
-    rough = {"baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0.0, "roughnessFactor": 1.0}
-    gltf.add(
-        "materials", {"pbrMetallicRoughness": rough, "extensions": {"KHR_materials_specular": {"specularFactor": 0}}}
-    )
-    gltf.extension("KHR_materials_specular")
-    mesh = gltf.mesh(corners, [0, 1, 2, 2, 1, 3])
-    gltf.json["meshes"][mesh]["primitives"][0]["material"] = 0
-    gltf.node(mesh=mesh)
-    for node in gltf.json["nodes"][:3]:
-        node["translation"] = [0, 0, 3]
-    lens = {"xmag": 1.5, "ymag": 1.5, "znear": 0.1, "zfar": 20.0}
-    gltf.add("cameras", {"type": "orthographic", "orthographic": lens})
-    gltf.node(camera=0, translation=[0, 0, 8])
-    return load_scene(gltf.save(folder))
-
-
-@pytest.mark.parametrize("light", [POINT, SPOT, SUN])
-def test_an_animated_light_is_as_bright_as_its_static_twin(gpu, tmp_path: Path, light: int) -> None:
-    """In W/(sr m2), at the closed form right below the light: W / (4 pi r2) / pi, and E / pi for the sun."""
-    shots = {}
-    for animated in (False, True):
-        scene = lit_floor(tmp_path, light, animated=animated)
-        settings = fixed_settings(width=32, height=32, fps=24.0, light_unit="watt", exposure=1.0, environment="none",
-                            columns=("frustum", "direct"))  # fmt: skip
-        source = RasterSource(gpu, AnimatedScene(scene), settings)
-        for frame in (1, 3, 5):
-            source.advance(frame)
-            shots[animated, frame] = source.read("direct")[..., 0].astype(np.float64)
-        source.release()
-    below = (100.0 / (4 * math.pi * 9) / math.pi, 200.0 / (4 * math.pi * 9) / math.pi, 2.0 / math.pi)[light]
-    for frame, rise in ((1, 1.0), (3, 1.5), (5, 2.0)):
-        static, moving = shots[False, frame], shots[True, frame]
-        assert static.mean() > 0.1 * below and static[16, 16] == pytest.approx(below, rel=0.01)
-        assert moving.mean() == pytest.approx(rise * static.mean(), rel=0.01)

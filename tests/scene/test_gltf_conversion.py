@@ -34,14 +34,6 @@ def test_dielectrics() -> None:
     np.testing.assert_allclose(base, [*diffuse[:2], [0.5, 0.25, 1.0]], atol=1e-12)
 
 
-def test_metals() -> None:
-    """Without diffuse color, D = s^2: the surface is a metal and the specular color its base color."""
-    specular = np.array([[0.5, 0.5, 0.5], [1.0, 1.0, 1.0], [0.2, 0.2, 0.2]])
-    base, metallic = metallic_roughness(np.zeros((3, 3)), specular)
-    np.testing.assert_allclose(metallic, 1, atol=1e-9)
-    np.testing.assert_allclose(base, specular, atol=1e-6)
-
-
 @pytest.mark.parametrize("metal", [0.0, 0.1, 0.5, 0.9, 1.0])
 def test_inverse_of_metallic_roughness(metal: float) -> None:
     """s = 0.04 (1 - m) + b m and d = b (1 - m) 0.96 / (1 - s), for grays b, give b and m again."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 
@@ -40,6 +41,7 @@ def scenes(root: Path) -> list[Path]:
     return sorted(p for p in root.rglob("*") if p.suffix in (".gltf", ".glb"))
 
 
+@functools.cache
 def outcome(path: Path) -> SceneError | None:
     """None if the file loads strictly; the error if it is refused.  Any other exception fails the test."""
     try:

@@ -21,11 +21,6 @@ from taubench_gl.scene import load_scene
 # Files
 
 
-def test_unknown_suffix_lists_readable_ones() -> None:
-    error = refuse(Path("model.fbx"), "", ".fbx")
-    assert ".glb" in error.hint and ".gltf" in error.hint
-
-
 def test_missing_empty_and_unusable_paths(tmp_path: Path) -> None:
     refuse(tmp_path / "no.gltf", "")
     (tmp_path / "folder.gltf").mkdir()
@@ -75,14 +70,14 @@ def test_deep_json(tmp_path: Path, place: str) -> None:
     ["../secret.bin", "sub/../../secret.bin", "%2e%2e/secret.bin", "%2E%2E%2Fsecret.bin", "..%2fsecret.bin", "link.bin",
      "linked/secret.bin", "/etc/hostname", "%2Fetc%2Fhostname", "//host/a.bin", "\\\\host\\a.bin", "C:\\a.bin",
      "http://example.com/a.bin", "https://example.com/a.bin", "file:///etc/hostname", "FILE:/etc/hostname", "%66ile:/x",
-     "", ".", "sub", "a%00.bin", "%FF.bin", "x" * 5000, "loop"],
+     "HERE/scene.gltf", "", ".", "sub", "a%00.bin", "%FF.bin", "x" * 5000, "loop"],
     ids=lambda uri: uri[:24],
 )  # fmt: skip
 @pytest.mark.parametrize("kind", ["buffer", "image"])
 def test_uris_outside_the_folder_are_refused(tmp_path: Path, uri: str, kind: str) -> None:
     folder = tmp_path / "scene"
     (folder / "sub").mkdir(parents=True)
-    secret = png() if kind == "image" else bytes(100)
+    secret, uri = png() if kind == "image" else bytes(100), uri.replace("HERE", str(folder))
     (tmp_path / "secret.bin").write_bytes(secret)
     (folder / "link.bin").symlink_to(tmp_path / "secret.bin")
     (folder / "linked").symlink_to(tmp_path)
@@ -94,14 +89,6 @@ def test_uris_outside_the_folder_are_refused(tmp_path: Path, uri: str, kind: str
         gltf = textured({})
         gltf.json["images"][0]["uri"] = uri
     refuse(gltf.save(folder), f"/{kind}s/0/uri")
-
-
-@pytest.mark.parametrize("encode", [str, lambda s: s.replace("/", "%2F")], ids=["plain", "encoded"])
-def test_absolute_paths_are_refused_even_inside(tmp_path: Path, encode: Callable[[str], str]) -> None:
-    gltf = triangle_scene()
-    (tmp_path / "a.bin").write_bytes(gltf.blob)
-    gltf.json["buffers"] = [{"byteLength": len(gltf.blob), "uri": encode(str(tmp_path / "a.bin"))}]
-    refuse(gltf.save(tmp_path), "/buffers/0/uri")
 
 
 def test_links_within_the_folder_are_followed(tmp_path: Path) -> None:

@@ -41,15 +41,6 @@ def test_positions(seed):
         np.testing.assert_allclose(got, spline(times, values, tcb, t), atol=1e-11)
 
 
-def test_constant_speed_along_a_line():
-    """Keys on a line, with distances proportional to times: without tension the spline is that line."""
-    times = np.array([-1.0, 0.0, 0.3, 1.7, 2.0, 5.0])
-    values = np.outer(times, [1.0, -2.0, 3.0])
-    curve = channel("translation", position_keys(times, values, np.zeros((6, 3)), (0.0, 2.0)))
-    for t in np.linspace(0, 2, 41):
-        np.testing.assert_allclose(sample_channel(curve, t, EXACT), t * np.array([1.0, -2.0, 3.0]), atol=1e-12)
-
-
 def test_window_clips_exactly():
     times, rng = np.arange(8.0), np.random.default_rng(1)
     values, tcb = rng.normal(size=(8, 3)), rng.uniform(-0.9, 0.9, (8, 3))

@@ -93,23 +93,12 @@ def test_objects_that_appear_and_disappear(tmp_path):
     assert census(scene, np.arange(5) / 24)["dynamic_rigid_objects"] == 1
 
 
-def test_equal_frames_share_a_target(tmp_path):
-    for i in range(8):
-        write(tmp_path, QUAD.replace("1 1 0", f"1 1 {i % 2}") + TRIANGLE, f"a{i}.obj")
-    assert len(load_scene(tmp_path).meshes[0].primitives[0].targets) == 1
-
-
 def test_files_are_sorted_by_number(tmp_path):
     for i in (2, 10, 1):
         write(tmp_path, QUAD.replace("1 1 0", f"1 1 {i}") + TRIANGLE, f"a{i}.obj")
     scene = load_scene(tmp_path)
     assert [shown(scene, i / 24)["a"][0, 2, 2] for i in range(3)] == [1, 2, 10]
     assert len(scene.notes) == 2, "the gaps, and the frame rate"
-
-
-def test_single_file_of_a_sequence_is_still(waves):
-    scene = load_scene(waves / "wave003.obj")
-    assert scene.duration == 0.0 and not scene.channels
 
 
 @pytest.mark.parametrize(

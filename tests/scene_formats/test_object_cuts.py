@@ -29,7 +29,7 @@ def sequence(folder, faces=FACES):
     return load_scene(folder)
 
 
-def pairs_of(scene, **options):
+def pairs_of(scene, settings=SETTINGS):
     seen = []
 
     def keep(pair) -> None:
@@ -37,19 +37,15 @@ def pairs_of(scene, **options):
         seen.append((pair.row, pair.mask, read))
 
     camera = still_camera(Camera(yfov=0.8), (0, 0, 6.0))
-    run = evaluate_scene(scene, SETTINGS, Observers(on_pair=keep, **options), camera=camera)
+    run = evaluate_scene(scene, settings, Observers(on_pair=keep), camera=camera)
     return run, seen
 
 
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
-def test_changed_faces_are_cut_in_one_pair(gpu, tmp_path, reprojection, monkeypatch):
-    monkeypatch.setattr(
-        f"{__name__}.SETTINGS",
-        fixed_settings(width=96, height=54, columns=SETTINGS.metrics.columns, reprojection=reprojection),
-    )
+def test_changed_faces_are_cut_in_one_pair(gpu, tmp_path, reprojection):
     scene = sequence(tmp_path)
     assert len(scene.replacements) == 1
-    run, seen = pairs_of(scene)
+    run, seen = pairs_of(scene, SETTINGS.replace(reprojection=reprojection))
     assert run.summary["effects"]["cuts"]["on"]
     assert any("left" in note for note in run.summary["notes"])
     half = SETTINGS.sequence.width // 2
@@ -68,12 +64,9 @@ def test_changed_faces_are_cut_in_one_pair(gpu, tmp_path, reprojection, monkeypa
         assert sum(row[name] for name in classes) == row["pixels"] == mask.size
 
 
-def test_cut_at_half_the_frame_rate(gpu, tmp_path, monkeypatch):
+def test_cut_at_half_the_frame_rate(gpu, tmp_path):
     """At half the rate the change is in exactly one pair."""
-    monkeypatch.setattr(
-        f"{__name__}.SETTINGS", fixed_settings(width=96, height=54, fps=12.0, columns=SETTINGS.metrics.columns)
-    )
-    run, _ = pairs_of(sequence(tmp_path, (*FACES[:2], *FACES[2:], FACES[-1])))
+    run, _ = pairs_of(sequence(tmp_path, (*FACES, FACES[-1])), SETTINGS.replace(fps=12.0))
     assert [row["cut"] > 0 for row in run.frames] == [True, False]
 
 

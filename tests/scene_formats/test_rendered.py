@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import obj_files
 import pytest
-from aff_files import TRIANGLE, keys, write
+from aff_files import keys, write
 from frame_tools import looking_at, still_camera
-from repeated import few
 from test_rays import Seen, check_motion, check_normals, check_positions
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.apps.cli import cli
 from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera
@@ -91,23 +87,3 @@ def test_obj_motion(gpu, tmp_path, smooth):
         if smooth:
             check_normals(seen)
         assert np.linalg.norm(seen.result.motion, axis=-1).max() > 0.3
-
-
-@pytest.mark.parametrize("kind", few(["sequence", "aff", "obj"]))
-def test_evaluate_command(tmp_path, kind):
-    from click.testing import CliRunner
-
-    if kind == "aff":
-        path = write(tmp_path, f"{aff_world()} x thing {{ {TRIANGLE} }}")
-    else:
-        for i in range(4):
-            obj_files.write(tmp_path, obj_files.grid(swing(0.1 * i)), f"s{i}.obj")
-        path = tmp_path / ("s0.obj" if kind == "obj" else "s*.obj")
-    out = tmp_path / "out"
-    options = ["--size", "64x36", "--frames", "0:3", "--reprojection", "motion", "--out", str(out)]
-    done = CliRunner().invoke(cli, ["evaluate", str(path), *options], catch_exceptions=False)
-    assert done.exit_code == 0, done.output
-    summary = json.loads((out / "summary.json").read_text())
-    assert summary["pairs"] == 2 and summary["notes"]
-    assert summary["census"]["morphs_dynamic"] == (0 if kind == "obj" else 1)
-    assert summary["scene"]["sha256"] and summary["discard"]["frustum"]["mean_percent"] is not None

@@ -19,7 +19,3 @@ def test_a_case_fails_without_the_guard(guard):
         results = run_selftest(gpu, only=guard.detected_by)
     failed = [r.name for r in results if r.name in guard.detected_by and not r.passed and r.failure is None]
     assert failed, [(r.name, r.error, r.failure) for r in results]
-
-
-def test_guard_names_are_unique():
-    assert len({g.name for g in GUARDS}) == len(GUARDS)

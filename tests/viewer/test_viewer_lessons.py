@@ -8,7 +8,6 @@ import pytest
 from taubench_gl.animation import OrbitCamera, Poser, camera_of_run, choose_camera
 from taubench_gl.apps.demo_command import write_session
 from taubench_gl.datasets.gltf_from_scene import write_scene
-from taubench_gl.demos.gallery import open_pair
 from taubench_gl.demos.lessons import DEMOS, find_demo
 from taubench_gl.demos.stage import Stage
 from taubench_gl.glossary import key_of
@@ -33,16 +32,16 @@ def check(name, gpu, drive, tmp_path) -> None:
     """The viewer shows the frame, the masks and the counts of the page, with light, and the text."""
     demo, path = session(name, tmp_path)
     stage = Stage(gpu, SIZE)
-    pair = open_pair(stage, demo)
+    pair = demo.open_pair(stage)
     stage.release()
     request = load(path)
     driven = drive(request.source, request.settings, window=(1280, 720), restored=request.restored,
                    given=request.given)  # fmt: skip
-    driven.run(f"expect frame == {demo.opening.frame}\nexpect channel == color\nexpect against == history")
+    driven.run(f"expect frame == {demo.text.opening.frame}\nexpect channel == color\nexpect against == history")
     state, percentages = driven.state, driven.engine.percentages()
-    assert {n for n, on in state.shown.items() if on} == {key_of(mask) for mask in demo.opening.masks}
+    assert {n for n, on in state.shown.items() if on} == {key_of(mask) for mask in demo.text.opening.reasons}
     assert state.message == "restored" and state.lesson.startswith(f"{demo.number}. {demo.text.title}")
-    for mask in demo.opening.masks:
+    for mask in demo.text.opening.reasons:
         # glTF stores float32, so a pixel on an edge can differ.
         assert percentages[key_of(mask)] == pytest.approx(pair.percent(mask), abs=0.1)
     left, top, width, height = driven.viewer.panels.widgets["section.lesson"]
@@ -85,7 +84,7 @@ def test_a_still_lesson_keeps_its_camera(name, tmp_path):
     settings = given.sequence
     assert isinstance(camera_of_run(file, given.replace(camera=None).sequence), OrbitCamera)
     made = demo.scene()
-    for frame in (demo.opening.frame - 1, demo.opening.frame):
+    for frame in (demo.text.opening.frame - 1, demo.text.opening.frame):
         views = [
             camera.view_at(Poser(scene).sample(frame / settings.fps))
             for scene, camera in ((made, choose_camera(made)), (file, camera_of_run(file, settings)))
@@ -98,6 +97,6 @@ def test_noise_opens_with_noise(gpu):
     """Nothing moves, so that every discarded pixel is noise."""
     stage = Stage(gpu, SIZE)
     demo = find_demo("noise")
-    pair = open_pair(stage, demo)
+    pair = demo.open_pair(stage)
     stage.release()
-    assert sum(pair.percent(mask) for mask in demo.opening.masks) > 10.0
+    assert sum(pair.percent(mask) for mask in demo.text.opening.reasons) > 10.0

@@ -81,30 +81,20 @@ def test_every_action_keeps_the_state_valid(name):
     assert all(np.isfinite(v) and v >= 0 for v in s.thresholds.values())
 
 
-def test_playback_visits_every_frame_and_loops():
-    s = state(playing=True)
-    s.set_loop(3, 5)
-    seen = []
-    for _ in range(6):
-        s.advance(1 / 24)
-        seen.append(s.frame)
-    assert seen == [3, 4, 5, 3, 4, 5]
-
-
-def test_a_slow_machine_skips_no_frame():
-    s = state(playing=True)
-    frames = []
-    for _ in range(4):
-        s.advance(1.0)
-        frames.append(s.frame)
-    assert frames == [3, 4, 5, 6]
-
-
-def test_half_speed_takes_twice_as_long():
-    s = state(playing=True, speed=0.5)
-    for _ in range(8):
-        s.advance(1 / 24)
-    assert s.frame == 6
+@pytest.mark.parametrize(
+    ("loop", "seconds", "speed", "frames"),
+    [
+        pytest.param((3, 5), 1 / 24, 1.0, [3, 4, 5, 3, 4, 5], id="every frame of a loop"),
+        pytest.param((2, 9), 1.0, 1.0, [3, 4, 5, 6], id="a slow machine"),
+        pytest.param((2, 9), 1 / 24, 0.5, [2, 3, 3, 4, 4, 5, 5, 6], id="half speed"),
+    ],
+)
+def test_playback_skips_no_frame(loop, seconds, speed, frames):
+    s = state(playing=True, speed=speed)
+    s.set_loop(*loop)
+    for frame in frames:
+        s.advance(seconds)
+        assert s.frame == frame
 
 
 def test_flicker_changes_images_at_its_rate():
@@ -296,17 +286,6 @@ def test_image_pixel_at_a_window_position():
     assert arrange((0, 0), (64, 36), panels=True).pixel(0, 0, (64, 36)) is None
 
 
-def test_preferences_are_restored(tmp_path):
-    s = state(opacity=0.25, speed=0.5)
-    s.shown["lit"], s.sections["probe"] = True, False
-    assert prefs.save(tmp_path / "new", s, (800, 600)) == ""
-    stored, note = prefs.load(tmp_path / "new")
-    other = state()
-    stored.apply(other)
-    assert (stored.window, note) == ((800, 600), "")
-    assert (other.opacity, other.speed, other.shown, other.sections) == (0.25, 0.5, s.shown, s.sections)
-
-
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"window": "big"}', '{"window": [1]}', '{"values": 3}', "\x00"])
 def test_invalid_preferences_are_ignored_with_a_note(tmp_path, text):
     (tmp_path / prefs.FILE).write_text(text)
@@ -319,14 +298,10 @@ def test_unknown_preferences_are_skipped(tmp_path):
     s = state()
     prefs.load(tmp_path)[0].apply(s)
     assert s.opacity == 0.7 and s.frame == 2 and s.shown["sky"]
+    assert prefs.save(tmp_path / prefs.FILE, s, None) != "", "a file is no folder"
 
 
-def test_preferences_that_cannot_be_written_return_a_note(tmp_path):
-    (tmp_path / "file").write_text("")
-    assert prefs.save(tmp_path / "file", state(), None) != ""
-
-
-def test_a_feed_of_the_viewer_resolves_its_lighting(gpu):
+def test_a_feed_of_the_viewer_resolves_its_lighting(gpu, coarse_metering):
     """As evaluate does; the observer camera shows the same light."""
     from taubench_gl.gpu.timing import PassTimer
     from taubench_gl.scene import load_scene

@@ -11,6 +11,7 @@ from viewer_tools import DEMO, ROOT, pixels
 
 from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
+from taubench_gl.viewer import prefs
 from taubench_gl.viewer.layout import BAR, SIDE
 from taubench_gl.viewer.state import CONTROLS
 
@@ -84,12 +85,7 @@ def test_mouse_on_the_image(drive):
     place = driven.engine.user.position.copy()
     driven.run(f"key O\nmouse {x + 60} {y + 60}\nscroll 3")
     assert np.linalg.norm(driven.engine.user.position - place) > 0.1
-    driven.run("mouse 690 5\nscroll 3")
-
-
-def test_the_split_line_is_dragged(drive):
-    driven = drive()
-    x, y, width, _ = driven.viewer.layout.image
+    driven.run("mouse 690 5\nscroll 3\nkey ESCAPE")
     driven.run(f"set comparison split\nmouse {x + width * 0.5} {y + 30}\ndrag {x + width * 0.75} {y + 30}")
     assert driven.state.split == pytest.approx(0.75, abs=0.01)
 
@@ -193,6 +189,7 @@ def test_preferences_are_stored_and_restored(drive, tmp_path):
     first.run("set opacity 0.4\nset show.sky on\nset section.camera off\nresize 777 555")
     first.viewer.close()
     first.viewer.close = lambda: None
+    assert prefs.load(tmp_path / "prefs")[0].window == (777, 555)
     second = drive(folder=tmp_path / "prefs", window=(777, 555))
     assert second.state.opacity == 0.4 and second.state.shown["sky"] and not second.state.sections["camera"]
     (tmp_path / "prefs" / "viewer.json").write_text("{nonsense")

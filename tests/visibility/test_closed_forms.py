@@ -6,14 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixed import fixed_settings
 from frame_tools import FormulaCamera, make_scene, quad, rotation_about, still_camera
 from scipy.spatial.transform import Rotation
 from sight_tools import look, surely
 
 from taubench_gl.conventions import Visibility
-from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene.builder import SceneBuilder, box, morphed
 from taubench_gl.scene.model import Camera, Channel
 
@@ -89,21 +86,6 @@ def test_a_board_seen_from_its_undrawn_back_hides_nothing(gpu, mirrored, morphin
             b.animate(node, "weights", [0.0, 1.0], [(0.0,), (1.0,)])
         sight = look(gpu, b.build(), sideways(), (96, 54))
         assert (sight.kind == Visibility.OCCLUDED).any() == double_sided
-
-
-@pytest.mark.parametrize("depth", [0.15, BOARD, 4.9])
-def test_pixels_that_look_through_an_undrawn_back_are_counted(gpu, depth):
-    """Light leaks there: the face casts a shadow, and the camera sees what is behind it."""
-    size, wall = (96, 54), quad((-30, -30, -WALL), (60, 0, 0), (0, 60, 0))
-    half = 0.3 * depth
-    away = quad((half, -9, -depth), (-2 * half, 0, 0), (0, 18, 0))
-    settings = fixed_settings(width=size[0], height=size[1], columns=("frustum", "position"))
-    camera = still_camera(LENS)
-    with RasterSource(gpu, AnimatedScene(make_scene(away, wall), camera), settings) as source:
-        source.advance(1)
-        found = source.renderer.hidden_backs()
-    x = np.arange(size[0]) - (size[0] - 1) / 2
-    assert found == size[1] * np.count_nonzero(np.abs(x) < 0.3 * size[1] / 2 / np.tan(LENS.yfov / 2))
 
 
 @pytest.mark.parametrize("degrees", [10.0, 60.0, 80.0])

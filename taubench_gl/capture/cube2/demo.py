@@ -34,7 +34,7 @@ STEALTOKENS SERVCMD:s DEMOPACKET:""".split()]  # fmt: skip
 """Name and parts of each message, as the server sends it: i an integer, s a text, * a list that the next parts repeat;
 no colon: it is not in a recording that we know."""
 STEP = 1 / 16
-"""Cubes: places are stored as whole steps, cut off; angles as whole degrees, cut off."""
+"""Step of stored places in cubes: places are cut off to whole steps, angles to whole degrees."""
 _ROW_BYTES, _EVENT_BYTES = 400, 400
 
 
@@ -82,12 +82,12 @@ class _Packet(Reader):
         return self.bytes(1)[0]
 
     def integer(self) -> int:
-        """One byte; -128 and -127 are marks of two and four more."""
+        """The next integer: one byte, of which -128 and -127 announce an integer of two and of four bytes."""
         first = self.get("b")
         return self.get("h") if first == -128 else self.get("i") if first == -127 else first
 
     def unsigned(self) -> int:
-        """Seven bits a byte, at most four bytes."""
+        """The next unsigned integer: seven bits a byte, at most four bytes."""
         value = 0
         for k in range(4):
             byte = self.byte()

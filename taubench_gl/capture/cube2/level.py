@@ -63,19 +63,21 @@ class Cubes:
 
     @cached_property
     def codes(self) -> Array:
-        """(n,) places along the Z order, in cubes of 1."""
+        """Places of the cubes along the Z order, (n,), in cubes of size 1."""
         volume = self.sizes**3
         return np.cumsum(volume) - volume
 
     @cached_property
     def origins(self) -> Array:
-        """(n, 3) the corners with the least coordinates."""
+        """The corner of each cube with the least coordinates, (n, 3)."""
         bits = np.arange(16)
         return np.stack([((self.codes[:, None] >> (3 * bits + axis) & 1) << bits).sum(1) for axis in range(3)], 1)
 
     @cached_property
     def empty(self) -> Array:
-        """(n,) bool.  As in the engine, also cubes whose edges cross, or that are flat along an axis."""
+        """Whether cubes are empty, (n,) bool; as in the engine, also those whose edges cross, or that are flat along an
+        axis.
+        """
         low, high = self.edges & 15, self.edges >> 4
         flat = (low == high).reshape(-1, 3, 4).all(2) | (high < low).reshape(-1, 3, 4).any(2)
         return flat.any(1)
@@ -85,7 +87,7 @@ class Cubes:
         return (self.edges == 0x80).all(1)
 
     def find(self, places: Array) -> Array:
-        """(k,) numbers of the cubes at (k, 3) whole places; -1 outside of the map."""
+        """Numbers of the cubes at whole ``places`` (k, 3), (k,); -1 outside of the map."""
         inside = ((places >= 0) & (places < self.size)).all(1)
         bits = np.arange(16)
         spread = (np.where(inside[:, None], places, 0)[..., None] >> bits & 1) << (3 * bits)
@@ -93,7 +95,7 @@ class Cubes:
         return np.where(inside, np.searchsorted(self.codes, code, "right") - 1, -1)
 
     def corners(self, cubes: Array, faces: Array) -> Array:
-        """(k, 4, 3) corners of faces, in eighths of the cube's size."""
+        """Corners of faces, (k, 4, 3), in eighths of the cube's size."""
         at, axes = CORNERS[faces], []
         for a in range(3):
             edge = self.edges[cubes[:, None], 4 * a + at[..., (a + 1) % 3] + 2 * at[..., (a + 2) % 3]]
@@ -149,7 +151,9 @@ def read_level(data: bytes, where: str) -> Level:
 
 
 def _read_slots(r: Reader, count: int) -> list[tuple[int, dict[str, Any]]]:
-    """Changed uses of textures are stored; a negative number stands for that many without changes."""
+    """Texture slots as (slot that this one changes, what it changes), -1: no slot.  In the file a negative number
+    stands for that many slots without changes.
+    """
     out: list[tuple[int, dict[str, Any]]] = []
     while count > 0:
         changed = r.get("i")
@@ -174,8 +178,9 @@ def _read_slots(r: Reader, count: int) -> list[tuple[int, dict[str, Any]]]:
 
 
 def _layout(flags: Array, count: Array) -> tuple[Array, Array, Array, Array]:
-    """Of stored polygons: whether two corners of a box stand for all four, bytes before the corners, bytes of each,
-    bytes after all; numbers or arrays of the two bytes that say so."""
+    """Layout of stored polygons: whether two corners of a box stand for all four, bytes before the corners, bytes of
+    each, bytes after all.  ``flags``, ``count``: the two bytes that say so, as numbers or arrays.
+    """
     four, twice = count & MOST_CORNERS == 4, 1 + (count >> 7)
     box, same_uv, same_normal = four & (flags & 5 == 5), four & (flags & 0x42 == 0x42), flags & 0x88 == 0x88
     uv = 4 * (flags >> 6 & 1) * (1 - same_uv)
@@ -214,8 +219,9 @@ def read_cubes(reader: Reader, size: int, version: int) -> Cubes:
 
 
 def _scan(data: bytes, at: int, size: int, version: int, where: str) -> tuple[list[int], list[int], int]:
-    """Five numbers a cube: kind, depth, byte of its values, material, merged faces; three numbers a stored polygon:
-    cube, face, byte; and the byte after all."""
+    """What a pass over the bytes finds.  Five numbers a cube: kind, depth, byte of its values, material, merged faces;
+    three numbers a stored polygon: cube, face, byte; and the byte after all.
+    """
     rows: list[int] = []
     polygons: list[int] = []
     left, deepest, number, new = [8], size.bit_length() - 1, 0, version > 31
@@ -271,13 +277,13 @@ def _scan_old(data: bytes, at: int, kind: int, number: int, polygons: list[int])
     if mask & 0x80:
         material = data[at]
         at += 1
-    more = lit = 0
+    second_layers = lit = 0
     for face in range(6):
         if mask >> face & 1:
-            more += data[at + 15] >> 1 & 1  # a second layer follows
+            second_layers += data[at + 15] >> 1 & 1  # a second layer follows
             lit |= (data[at + 14] > 5 or data[at + 15] > 0) << face  # with a lightmap
             at += 28 if mask & 0x40 else 16
-    at += 16 * more
+    at += 16 * second_layers
     whole = 0
     if kind & 0x80:
         merged = data[at]

@@ -19,13 +19,13 @@ from taubench_gl.scene.builder import box
 Array = np.ndarray
 
 METERS = 1 / 8
-"""Of a cube: a player of 15 cubes is 1.9 m tall."""
+"""Meters of a cube: a player of 15 cubes is 1.9 m tall."""
 UNITS = {"cube": 1.0, "meters": METERS}
-"""Units of a file in a cube."""
+"""Unit of the written file -> how many of it are a cube."""
 WIDTH = 100.0
-"""Degrees across the image, as the game's default."""
+"""Field of view across the image in degrees, the game's default."""
 NEAR = 0.5
-"""Cubes."""
+"""Distance from the eye to the near plane, cubes."""
 LICENSE = (
     "CC BY 3.0: maps and textures of Debian's cube2-data, by Mozilla (BananaBread), Gregor Koch, John 'geartrooper' "
     "Siar, the Apricot project, Alon Zakai; others: the license of the map and its textures"
@@ -102,7 +102,7 @@ def _box(file: SceneFile, name: str, low: tuple, high: tuple, color: tuple) -> i
 
 
 def _add_players(file: SceneFile, timeline: Timeline, now: Array, camera: int | None) -> None:
-    """The other players: six boxes with joints that follow the view, and legs that step as far as they walk."""
+    """Add the other players: six boxes with joints that follow the view, and legs that step as far as they walk."""
     meshes = {part: _box(file, part, *corners, (0.45, 0.3, 0.22)) for part, (_, _, *corners) in _BODY.items()}
     for player in timeline.paths:
         eye = timeline.eye(player, now)
@@ -113,10 +113,10 @@ def _add_players(file: SceneFile, timeline: Timeline, now: Array, camera: int | 
         speed = moved / np.diff(now, prepend=now[0] - 1)
         swing = _SWING * np.minimum(speed / _FULL_SPEED, 1) * np.sin(2 * np.pi * np.cumsum(moved) / _STRIDE)
         pitches = {"turn": 0 * swing, "step": swing, "counter step": -swing}
-        turns = {how: axes(np.stack([pitch, yaw, 0 * yaw], 1)) for how, pitch in pitches.items()} | {"look": eye.axes}
-        for part, (how, joint, *_) in _BODY.items():
+        turns = {move: axes(np.stack([pitch, yaw, 0 * yaw], 1)) for move, pitch in pitches.items()} | {"look": eye.axes}
+        for part, (move, joint, *_) in _BODY.items():
             places = eye.places + np.einsum("j,njk->nk", np.array(joint, float), turns["turn"])
-            motion = Motion(places, turns[how], eye.alive, jumps=eye.jumps)
+            motion = Motion(places, turns[move], eye.alive, jumps=eye.jumps)
             file.place(f"player {player} {part}", "", meshes[part], motion)
         file.counts["players"] += 1
 
@@ -135,7 +135,7 @@ def _lights(shot: Shot) -> list[tuple[str, float, tuple, Array, list[float]]]:
 
 
 def _add_shots(file: SceneFile, timeline: Timeline, now: Array, lights: bool) -> None:
-    """Rockets, and the lights of shots, rockets and explosions, one each."""
+    """Add rockets, and the lights of shots, rockets and explosions, one each."""
     rocket = _box(file, "rocket", (-1.5, -0.5, -0.5), (1.5, 0.5, 0.5), (0.3, 0.3, 0.3))
     for number, shot in enumerate(timeline.shots):
         flies, places = (now >= shot.time) & (now < shot.end), shot.at(now)
@@ -151,7 +151,7 @@ def _add_shots(file: SceneFile, timeline: Timeline, now: Array, lights: bool) ->
 
 
 def _note(choice: Choice, timeline: Timeline) -> str:
-    """What every evaluation of the scene says."""
+    """The note that every evaluation of the scene prints."""
     frames = timeline.eye(choice.player, choice.start + np.arange(choice.seconds * EXACT_RATE + 1e-6) / EXACT_RATE)
     steps = camera_activity(y_up(frames.places), mat3_from_quat(view_rotations(frames.axes)))
     means = (float(np.mean(values[~frames.jumps[1:]])) for values in (steps.yaw, steps.pitch, 16 * steps.position))

@@ -23,13 +23,13 @@ from taubench_gl.math3d import normalize
 Array = np.ndarray
 
 EYE = 14.0
-"""Cubes from the feet to the eye."""
+"""Height of the eye above the feet, cubes."""
 _GAP = 250
 """Milliseconds without a packet after which a player counts as gone."""
 _ROUNDS = 400  # of the search for the smoothest path: its sum is then within 1e-6 of the least
 ROCKET, GRENADE = 3, 5
 SPEED = 320.0
-"""Cubes per second of a rocket."""
+"""Speed of a rocket, cubes per second."""
 
 
 def smooth_path(times: Array, low: Array) -> Array:
@@ -97,8 +97,8 @@ class Timeline:
     def _between(self, ms: Array, player: int, *names: str) -> Array:
         """Whether a message about a player comes between its packets and those that follow."""
         found = (e for e in self.demo.events if e.name in names)
-        own = [e.ms for e in found if player == (e.sender if e.name == "SPAWN" else e.values[0])]
-        return np.diff(np.searchsorted(own, ms, "right")) > 0
+        of_player = [e.ms for e in found if player == (e.sender if e.name == "SPAWN" else e.values[0])]
+        return np.diff(np.searchsorted(of_player, ms, "right")) > 0
 
     def _spline(self, seconds: Array, rows: Array) -> CubicSpline:
         x, y, z = rows[:, 3:6].T
@@ -159,7 +159,9 @@ class Shot:
     exploded: bool
 
     def at(self, times: Array) -> Array:
-        """(n, 3) where a rocket is: straight ahead, at most to its goal, until it explodes."""
+        """Where the rocket is at ``times`` (n,), (n, 3) cubes: straight ahead, at most to its goal, until it
+        explodes.
+        """
         way = self.goal - self.start
         length = np.linalg.norm(way)
         along = np.clip((np.minimum(times, self.end) - self.time) * SPEED, 0, length)

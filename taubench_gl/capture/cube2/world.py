@@ -32,7 +32,7 @@ MAX_LINES = 100_000
 _EXEC, _NUMBER = re.compile(r'\s*exec\s+"?([^"\s]+)'), re.compile(r"-?(?:\d{1,6}\.?\d{0,6}|\.\d{1,6})")
 _TEXTURE = re.compile(r'\s*texture\s+"?(\w+)"?\s+"?(?:<[^>]*>)*([^"\s]+)"?(.*)')
 _FLIPS = np.array([[0, 0, 0], [0, 1, 1], [1, 1, 0], [1, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], bool)
-"""Mirrored across, mirrored down, axes exchanged; by the number of a rotation."""
+"""Rotation of a texture -> whether it is mirrored across, mirrored down, and its axes exchanged, (8, 3) bool."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Files:
     """The folder of the game's data, which holds ``packages``."""
 
     def __init__(self, folder: Path):
-        """Raises SceneError for a folder without maps."""
+        """Open the game's data in ``folder``.  Raises SceneError for a folder without maps."""
         if not (folder / "packages" / "base").is_dir():
             hint = f"give --data the folder that holds packages; Debian's is {DEBIAN_DATA} after: {INSTALL}"
             raise SceneError("holds no packages/base", where=str(folder), hint=hint)
@@ -88,7 +88,9 @@ class Files:
         return pixels.shape[1], pixels.shape[0]
 
     def pixels(self, image: str, most: int = TEXTURE) -> Array:
-        """(h, w, 4) uint8.  Raises SceneError for one that is missing or damaged."""
+        """Pixels of an image, (h, w, 4) uint8, at most ``most`` a side.  Raises SceneError for one that is missing or
+        damaged.
+        """
         path = self.path(image)
         if path is None:
             raise SceneError(f"has no {image:.200}", where=str(self.folder))
@@ -121,9 +123,9 @@ def _configured(files: Files, map_name: str) -> list[Texture]:
     while lines:
         line = lines.pop().partition("//")[0]
         if found := _EXEC.match(line):
-            more = (files.read(found[1]) or b"").decode("latin-1").splitlines()[:left]
-            left -= len(more)
-            lines += more[::-1]
+            included = (files.read(found[1]) or b"").decode("latin-1").splitlines()[:left]
+            left -= len(included)
+            lines += included[::-1]
         elif line.strip() == "texturereset":
             out.clear()
         elif found := _TEXTURE.match(line):
@@ -139,7 +141,9 @@ def _configured(files: Files, map_name: str) -> list[Texture]:
 
 
 def texture_coordinates(places: Array, sides: Array, texture: Texture, size: tuple[int, int]) -> Array:
-    """(n, 2) of (n, 3) places in cubes, engine's axes, on faces of (n,) sides; ``size``: pixels of the image."""
+    """Texture coordinates (n, 2) of ``places`` (n, 3), cubes, engine's axes, on faces of ``sides`` (n,); ``size``:
+    pixels of the image.
+    """
     across, down, exchanged = _FLIPS[min(max(texture.rotation, 0), 7)]
     w, h = size[0] * (-1 if across else 1), size[1] * (-1 if down else 1)
     x, y = texture.offset[::-1] if exchanged else texture.offset
@@ -157,7 +161,7 @@ RIGHT_HANDED = [1, 0, 2]
 
 
 def add_world(file: SceneFile, level: Level, files: Files, map_name: str) -> None:
-    """The node of the map, the first of the file."""
+    """Add the node of the map, the first of the file, and count what the file cannot have."""
     textures = read_textures(level, files, map_name)
     slots, sides, places = drawn_triangles(level.cubes)
     normals = normalize(np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]))
@@ -208,7 +212,7 @@ def _material(
 
 
 def add_lights(file: SceneFile, level: Level) -> None:
-    """The light entities."""
+    """Add the light entities of the map."""
     for entity in level.entities[level.entities["kind"] == LIGHT]:
         radius, *color = (float(value) for value in entity["values"][:4])
         # A light of radius 0 does not fall off: it is as bright at half the map's size as it should be.
@@ -220,8 +224,9 @@ def add_lights(file: SceneFile, level: Level) -> None:
 
 
 def add_point(file: SceneFile, name: str, kind: str, places: Array, color: Array, radius: float, levels: Array) -> None:
-    """A light of the engine: ``color`` 1 saturates, and it falls off linearly to 0 at ``radius`` cubes; ``levels``: of
-    its brightness at each key."""
+    """Add a light of the engine: ``color`` 1 saturates, and it falls off linearly to 0 at ``radius`` cubes; ``levels``:
+    of its brightness at each key.
+    """
     brightest = max(float(np.max(color)), 0.0)
     candela = light.linear_candela(radius, 255 * brightest, file.unit) * levels
     shown = tuple(np.clip(color / max(brightest, 1e-9), 0, 1))

@@ -61,7 +61,7 @@ class BitReader:
         return SceneError(what, where=self.where, hint="the recording is damaged, or of another game")
 
     def unsigned(self, bits: int) -> int:
-        """An unsigned field.  Raises SceneError past the end of the message."""
+        """The next ``bits`` bits as an unsigned number.  Raises SceneError past the end of the message."""
         rest, raw = self._value >> self.at, bits & 7
         out, used = rest & (1 << raw) - 1, raw
         for shift in range(raw, bits, 8):
@@ -74,24 +74,24 @@ class BitReader:
         return out
 
     def bit(self) -> int:
-        """A flag.  The end of the message is checked by the next ``unsigned``."""
+        """The next bit, a flag.  The end of the message is checked by the next ``unsigned``."""
         out = self._value >> self.at & 1
         self.at += 1
         return out
 
     def signed(self, bits: int) -> int:
-        """A field in two's complement."""
+        """The next ``bits`` bits as a number in two's complement."""
         out = self.unsigned(bits)
         return out - (out >> bits - 1 << bits)
 
     def real(self) -> float:
-        """A number: 13 bits for whole ones from -4096 to 4095, else a float32."""
+        """The next real number: 13 bits for whole ones from -4096 to 4095, else a float32."""
         if self.bit():
             return struct.unpack("<f", struct.pack("<I", self.unsigned(32)))[0]
         return float(self.unsigned(13) - 4096)
 
     def text(self) -> str:
-        """Characters up to a zero byte; those outside ASCII and "%" are dots, as the engine reads them."""
+        """The next text, up to a zero byte; characters outside ASCII and "%" are dots, as the engine reads them."""
         out = bytearray()
         while (character := self.unsigned(8)) != 0:
             out.append(character if character < 128 and character != 37 else 46)

@@ -99,8 +99,8 @@ class Bsp:
         surfaces = self.surfaces[m["surface"] : m["surface"] + m["surfaces"]]
         out = {}
         for shader in np.unique(surfaces["shader"]).tolist():
-            own = surfaces[surfaces["shader"] == shader]
-            flat, curved = own[np.isin(own["kind"], (PLANAR, TRIANGLES))], own[own["kind"] == PATCH]
+            shaded = surfaces[surfaces["shader"] == shader]
+            flat, curved = shaded[np.isin(shaded["kind"], (PLANAR, TRIANGLES))], shaded[shaded["kind"] == PATCH]
             parts = [(self.vertices, self._corners(flat)), *(_patch(self.vertices, surface) for surface in curved)]
             vertices, triangles = _joined(parts)
             if len(triangles):

@@ -20,7 +20,7 @@ NO_ENTITY = 1023
 """Entity number that ends a list."""
 NOTHING, START, CONFIG, BASELINE, COMMAND, DOWNLOAD, SNAPSHOT, END = range(1, 9)
 SERVER_INFO, GAME_VERSION, PLAYER_INFO = 0, 20, 544
-"""Configuration strings: of the server, of the game, and of the first player."""
+"""Numbers of configuration strings: that of the server, of the game, and of the first player."""
 MAX_PLAYERS = 64
 KEPT = 32
 """Snapshots back to which a difference may refer."""
@@ -94,7 +94,7 @@ class Demo:
 
     @property
     def seconds(self) -> float:
-        """From the first snapshot to the last."""
+        """Seconds from the first snapshot to the last."""
         return (self.snapshots[-1].time - self.snapshots[0].time) / 1000
 
     @property

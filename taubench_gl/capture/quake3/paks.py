@@ -29,7 +29,9 @@ class Paks:
     """The archives of a folder.  As in the engine, names ignore case, and the last archive by name wins."""
 
     def __init__(self, folder: Path):
-        """Raises SceneError for a folder without archives and for a damaged archive."""
+        """Open the archives of ``folder``.  Raises SceneError for a folder without archives and for a damaged
+        archive.
+        """
         paths = sorted(folder.glob("*.pk3"), key=lambda path: path.name.lower()) if folder.is_dir() else []
         if not paths:
             hint = f"give --data the folder with the game's .pk3 files; OpenArena's is {DEBIAN_DATA} after: "
@@ -87,5 +89,5 @@ class Paks:
         return next((found for found in names if found in self._files), None)
 
     def image(self, name: str, most: int) -> Array:
-        """(h, w, 4) uint8 of an image of the archives, at most ``most`` pixels a side.  Raises SceneError."""
+        """Pixels of an image of the archives, (h, w, 4) uint8, at most ``most`` a side.  Raises SceneError."""
         return texture_pixels(self.read(name) or b"", self.where(name), most)

@@ -103,7 +103,7 @@ class _Body:
 
 
 def add_players(timeline: Timeline, surfaces: Surfaces) -> None:
-    """Every other player and body, with the weapon in hand.  The recording player is in no snapshot."""
+    """Add every other player and body, with the weapon in hand.  The recording player is in no snapshot."""
     for (number, client), track in timeline.tracks(PLAYER_KIND, ("client",)).items():
         info = timeline.demo.player_info(client)
         body = _body(surfaces, info)
@@ -151,9 +151,9 @@ def _add_player(timeline: Timeline, surfaces: Surfaces, track: Track, body: _Bod
     # The torso's own turn is relative to the legs; then the tag, then the legs.
     torso_axes = torso @ np.swapaxes(legs, 1, 2) @ turn @ legs
     at = {"lower": (track.places, legs), "upper": (torso_place, torso_axes)}
-    for part, own in (("head", head @ np.swapaxes(torso, 1, 2)), ("weapon", np.eye(3))):
+    for part, own_turn in (("head", head @ np.swapaxes(torso, 1, 2)), ("weapon", np.eye(3))):
         place, turn = _tag(body.models["upper"], f"tag_{part}", frames["upper"])
-        at[part] = torso_place + np.einsum("ni,nij->nj", place, torso_axes), own @ turn @ torso_axes
+        at[part] = torso_place + np.einsum("ni,nij->nj", place, torso_axes), own_turn @ turn @ torso_axes
     rows = np.arange(len(timeline.ms))
     for part, model in body.models.items():
         used = np.unique(frames[part][track.present, :2]).astype(int)

@@ -87,7 +87,7 @@ def read_map(demo: Demo, paks: Paks) -> Bsp:
 
 
 def _note(choice: Choice, eye: Eye) -> str:
-    """What every evaluation of the scene says."""
+    """The note that every evaluation of the scene prints."""
     weapon = "with the view weapon, which camera reprojection rejects" if choice.view_weapon else "no view weapon"
     jumps = f"{int(eye.jumps.sum())} jumps of the camera, " if eye.jumps.any() else ""
     return (

@@ -123,7 +123,7 @@ class Surfaces:
         return self.file.writer.mesh(name, *primitives) if primitives else None
 
     def add_lights(self, bsp: Bsp) -> None:
-        """The suns of the map's shaders, and its light entities; the sky is among the surfaces."""
+        """Add the suns of the map's shaders and its light entities; the sky is among the surfaces."""
         suns = {sun for name in {*bsp.shaders} for sun in self.look(name).suns}
         for red, green, blue, intensity, yaw, elevation in sorted(suns):
             y, e = np.radians([yaw, elevation])
@@ -153,7 +153,9 @@ class Surfaces:
         return Md3(data, self.paks.where(path))
 
     def model_primitives(self, model: Md3, skin: dict[str, str], frames: list[int]) -> list:
-        """Its surfaces in the first of ``frames``, the others as morph targets; ``skin``: surface -> shader."""
+        """Primitives of a model in the first of ``frames``, with the others as morph targets; ``skin``: surface ->
+        shader.
+        """
         out = []
         for surface in model.surfaces:
             shader = skin.get(surface.name, surface.shader)
@@ -169,14 +171,14 @@ class Surfaces:
 
     @_once
     def still_mesh(self, path: str) -> int | None:
-        """The first frame of a model; None if there is nothing to draw."""
+        """Mesh of the first frame of a model; None if there is nothing to draw."""
         model = self.model(path)
         primitives = [] if model is None else self.model_primitives(model, {}, [0])
         return self.file.writer.mesh(path, *primitives) if primitives else None
 
     @_once
     def bolt(self, color: tuple[float, float, float], radius: float) -> int:
-        """An octahedron that shines: the game draws a sprite that faces the camera."""
+        """Mesh of an octahedron that shines, where the game draws a sprite that faces the camera."""
         name, corners = f"bolt {color}", np.concatenate([np.eye(3), -np.eye(3)])
         faces = np.array([[0, 1, 2], [3, 5, 4], [1, 3, 2], [0, 2, 4], [0, 5, 1], [3, 4, 2], [1, 5, 3], [0, 4, 5]])
         material = self.file.emissive(name, np.array(color), light.FULL_BRIGHT * 10)

@@ -42,16 +42,16 @@ _FLASHES: dict[int, Color] = {
 FLASH_MS, FLASH_RADIUS = 20, 315
 """A muzzle flash: milliseconds, and the mean of the radius that the game draws at random (300 to 331)."""
 GLOWING: dict[int, tuple[float, Color]] = {_ROCKET: (200, _ORANGE)}
-"""Missiles with a light: radius and color."""
+"""Missile -> radius in units and color of its light; others have none."""
 _BOLTS: dict[int, tuple[Color, float]] = {_PLASMA: (_BLUE, 8), _BFG: ((0.6, 1, 0.6), 12)}
 _MISSILES = {_ROCKET: "models/ammo/rocket/rocket.md3", _GRENADE: "models/ammo/grenade1.md3"}
 EXPLOSIONS: dict[int, tuple[float, Color, float]] = {_GRENADE: (300, _YELLOW, 600), _ROCKET: (300, _ORANGE, 1000)}
-"""Radius, color and milliseconds."""
+"""Weapon -> radius in units, color and milliseconds of the light of its explosion."""
 _SPRITES = {2: "bullet marks", 3: "bullet marks", 6: "lightning bolts", 7: "rail trails"}
 
 
 def add_movers(timeline: tl.Timeline, surfaces: Surfaces, bsp: Bsp) -> None:
-    """Doors, lifts and other moving parts of the map, which are there also while they are not sent."""
+    """Add doors, lifts and other moving parts of the map, which are there also while they are not sent."""
     for (number, model), track in timeline.tracks(tl.MOVER_KIND, ("model",)).items():
         mesh = surfaces.brush_mesh(bsp, model, f"*{model}") if 0 < model < len(bsp.models) else None
         places, angles = (tl.trajectory(track.states, timeline.ms, path) for path in ("path", "turn_path"))
@@ -59,7 +59,7 @@ def add_movers(timeline: tl.Timeline, surfaces: Surfaces, bsp: Bsp) -> None:
 
 
 def add_items(timeline: tl.Timeline, surfaces: Surfaces) -> None:
-    """Items bob and turn; one that returns grows within a second."""
+    """Add the items, which bob and turn; one that returns grows within a second."""
     for (number, item), track in timeline.tracks(tl.ITEM_KIND, ("model",)).items():
         shown = track.present & ~track.flag(HIDDEN)
         if not (0 < item < len(ITEMS) and shown.any()):
@@ -79,7 +79,7 @@ def add_items(timeline: tl.Timeline, surfaces: Surfaces) -> None:
 
 
 def add_missiles(timeline: tl.Timeline, surfaces: Surfaces, lights: bool) -> None:
-    """Rockets, grenades and bolts; rockets have a light."""
+    """Add rockets, grenades and bolts; rockets have a light."""
     for (number, weapon, _), track in timeline.tracks(tl.MISSILE_KIND, ("weapon", "time")).items():
         if weapon in _BOLTS:
             mesh = surfaces.bolt(*_BOLTS[weapon])
@@ -100,7 +100,7 @@ def add_missiles(timeline: tl.Timeline, surfaces: Surfaces, lights: bool) -> Non
 
 
 def add_flashes(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye, lights: bool) -> None:
-    """Lights of shots and explosions; what the game draws beside them is counted."""
+    """Add the lights of shots and explosions; what the game draws beside them is counted."""
     shots: dict[int, list[tuple[int, int]]] = {}
     file, others = surfaces.file, timeline.tracks(tl.PLAYER_KIND)
     for event in timeline.events:
@@ -143,8 +143,8 @@ def _add_explosion(timeline: tl.Timeline, surfaces: Surfaces, event: tl.Event, l
 
 
 def add_view_weapon(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye) -> None:
-    """The weapon in the recording player's hands: at a tag of the model of the hands, with bob and drift."""
-    held = np.where(eye.alive, timeline.own("weapon"), 0).astype(int)
+    """Add the weapon in the recording player's hands: at a tag of the model of the hands, with bob and drift."""
+    held = np.where(eye.alive, timeline.player_field("weapon"), 0).astype(int)
     speed, sine, side = timeline.walk()
     drift = (speed + 40) * np.sin(timeline.ms * 0.001) * 0.01
     lean = np.stack([speed * sine * 0.005, side * speed * sine * 0.01, side * speed * sine * 0.005], 1) + drift[:, None]

@@ -37,7 +37,7 @@ _PATHS = {
 
 
 def mix_angles(a: Array, b: Array, share: Array) -> Array:
-    """From ``a`` to ``b`` in degrees by the shorter arc."""
+    """Angles between ``a`` (``share`` 0) and ``b`` (1), degrees, by the shorter arc."""
     return a + share * ((b - a + 180) % 360 - 180)
 
 
@@ -117,12 +117,14 @@ class Timeline:
         self._entities: dict[int, tuple[list[int], list[State]]] | None = None
 
     # ----------------------------------------------------------------------------------------------- recording player
-    def own(self, name: str) -> Array:
+    def player_field(self, name: str) -> Array:
         """A field of the recording player at each time, of the snapshot at or before it."""
         return self.players[self.index, PLAYER[name]]
 
     def blend(self, *names: str) -> Array:
-        """(n, k) fields between snapshots; across a jump those of the snapshot before."""
+        """Fields of the recording player, interpolated between snapshots, (n, k); across a jump those of the snapshot
+        before.
+        """
         table = columns(self.players, names, PLAYER)
         return table[self.index] + self._share()[:, None] * (table[self.next] - table[self.index])
 
@@ -139,14 +141,15 @@ class Timeline:
         return np.hypot(*self.blend("vx", "vy").T), sine, side
 
     def alive(self) -> Array:
-        return (self.own("health") > 0) & (self.own("mode") == 0) & (self.own("team") != SPECTATOR)
+        health, mode, team = (self.player_field(name) for name in ("health", "mode", "team"))
+        return (health > 0) & (mode == 0) & (team != SPECTATOR)
 
     def eye(self, roll: bool = True) -> Eye:
-        """The eye; ``roll``: with the lean of the view by bob and running."""
+        """The recording player's eye; ``roll``: with the lean of the view by bob and running."""
         places, velocity = self.blend(*_PLACE), self.blend("vx", "vy", "vz")
         look = columns(self.players, _ANGLES, PLAYER)
         angles = mix_angles(look[self.index], look[self.next], self._share()[:, None])
-        alive = self.own("health") > 0
+        alive = self.player_field("health") > 0
         speed, sine, side = self.walk()
         forward, left = np.moveaxis(axes(angles), 1, 0)[:2]
         if roll:
@@ -154,10 +157,10 @@ class Timeline:
             angles[:, 0] += lean + np.where(alive, (velocity * forward).sum(1) * 0.002, 0)
             angles[:, 2] += lean * side - np.where(alive, (velocity * left).sum(1) * 0.005, 0)
             dead = np.broadcast_arrays(-15.0, self.players[self.index, self.demo.death_yaw], 40.0)
-            angles = np.where((alive | (self.own("mode") == 2))[:, None], angles, np.stack(dead, 1))
-        height = self.own("view_height") + np.where(alive, np.minimum(sine * speed * 0.005, 6) + self._springs(), 0)
-        places[:, 2] += height
-        jumps = changes(self.own("flags").astype(int) & TELEPORT) | changes(self.own("client"))
+            angles = np.where((alive | (self.player_field("mode") == 2))[:, None], angles, np.stack(dead, 1))
+        places[:, 2] += self.player_field("view_height")
+        places[:, 2] += np.where(alive, np.minimum(sine * speed * 0.005, 6) + self._springs(), 0)
+        jumps = changes(self.player_field("flags").astype(int) & TELEPORT) | changes(self.player_field("client"))
         return Eye(self.times, places, axes(angles), jumps, self.alive())
 
     def _springs(self) -> Array:

@@ -1,6 +1,6 @@
 """The lessons, numbered in the order of ``lessons.toml``.
 
-The module that has the name of a lesson holds what is specific to it: ``scene()``, ``OPENING`` and ``run(stage)``.
+The module that has the name of a lesson holds what is specific to it: ``scene()`` and ``run(stage, lesson)``.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from taubench_gl.errors import SettingsError, choice_hint
 
 def _demo(number: int, text: LessonText) -> Demo:
     """The demo that a text and the module of its name make."""
-    module = importlib.import_module(f"{__name__}.{text.name}")
-    return Demo(number, text, module.run, module.scene, module.OPENING)
+    own, shown = (importlib.import_module(f"{__name__}.{name}") for name in (text.name, text.scene or text.name))
+    return Demo(number, text, own.run, shown.scene)
 
 
 DEMOS = {text.name: _demo(number, text) for number, text in enumerate(TEXTS.lesson, start=1)}

@@ -9,29 +9,25 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, percent, swept
-from taubench_gl.demos.sheet import CHECKER, Sheet, checkerboard
-from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens, percent
+from taubench_gl.demos.sheet import checkerboard
+from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, built, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
 from taubench_gl.scene.builder import IDENTITY, turn_y
-from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import PairImages, pixel_grid
 
-Array = np.ndarray
 YFOV = np.radians(60.0)
-ANGLES = np.arange(0.0, 181.0, 15.0)
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """The hall with objects in front of and behind the camera, which turns by 180 degrees in one second."""
-    b = Props()
     hall(b)
     for z, colors in ((-3.4, (LEAF, SEA)), (4.4, (BRICK, SEA))):
         b.block((0.35, 0.9, 0.35), colors[0], translation=(-1.0, -0.6, z))
         b.ball(0.4, colors[1], translation=(1.0, -1.1, z))
     camera = b.camera(yfov=YFOV, znear=0.05)
     b.animate(camera, "rotation", [0.0, 1.0], [IDENTITY, turn_y(180.0)])
-    return b.build()
 
 
 def reprojected(image: Array, motion: Array, reused: Array) -> Array:
@@ -52,16 +48,12 @@ def without_the_test(images: PairImages) -> Reprojected:
     return reproject(pair, images.current["position"].astype(np.float64))
 
 
-OPENING = Opening((Reason.BEHIND, Reason.OUTSIDE))
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """History of a turn by 180 degrees, with and without the test of w."""
-    lit = stage.pair(scene(), columns=("frustum", "color"))
+    lit, sheet = lesson.pair, lesson.sheet
     naive = without_the_test(stage.bench.pair(scene()))
     reused_naive, reused = ~(naive.behind | naive.outside), ~lit.has(Reason.BEHIND | Reason.OUTSIDE)
     last = lit.before["color"][..., :3]
-    sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     sheet.panel(0, 0, last, "previous frame")
     sheet.panel(1, 0, lit.now["color"][..., :3], "current frame: the camera turned by 180°")
     false = reprojected(last, naive.motion_px, reused_naive)
@@ -71,7 +63,6 @@ def run(stage: Stage) -> Measured:
     real = reprojected(last, lit.motion, reused)
     text = f"{100 * reused.mean():.1f} % reused, {lit.percent(Reason.BEHIND):.1f} % behind camera"
     sheet.panel(1, 1, checkerboard(np.nan_to_num(real), ~reused, stage.cell), "history with the test of w: none", text)
-    sheet.legend([("checkerboard: no history", CHECKER)])
     mirror = pixel_grid(stage.size)[::-1]  # row r reads row h - 1 - r of its own column
     error = np.abs(pixel_grid(stage.size) + naive.motion_px - mirror)[reused_naive].max()
     numbers = {
@@ -79,21 +70,16 @@ def run(stage: Stage) -> Measured:
         "reused": (percent(reused), Expected.near(0.0, 0.0)),
         "mirror_error": (float(error), Expected.between(0.0, 0.01, 3)),
     }
-    screens = Screens(untested)
-    return Measured(numbers, sheet, _angle(stage, last), screens=screens)
-
-
-def _angle(stage: Stage, before: Array) -> Parameter:
-    """The angle of the turn: history without the test, from the previous image ``before`` (h, w, 3)."""
 
     def at(angle: float) -> tuple[Array, float, float, float]:
+        """After a turn by ``angle`` degrees: history without the test."""
         pair = stage.bench.pair(scene(), (0.0, angle / 180.0))
         naive = without_the_test(pair)
         reused = ~(naive.behind | naive.outside)
         false = reused & reproject(pair.pair, pair.current["position"].astype(np.float64)).behind
-        history = np.nan_to_num(reprojected(before, naive.motion_px, reused))
+        history = np.nan_to_num(reprojected(last, naive.motion_px, reused))
         # The directions d whose opposite -d the previous camera saw.
         outside, slack = theory.frustum_share(-math3d.mat3_from_quat(turn_y(angle)), YFOV, stage.size)
         return checkerboard(history, ~reused, stage.cell), percent(false), 100.0 - outside, 2.0 * slack
 
-    return swept(ANGLES, at, start=180.0)
+    return Measured(numbers, lesson.swept(at), Screens(untested))

@@ -5,52 +5,35 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, Screens, swept
-from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, scene, walls
-from taubench_gl.demos.sheet import BLACK, BLUE, INK, RED, Sheet, enlarged, overlay, reason_entries, scaled_to
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
+from taubench_gl.demos.lessons.features import BALL_AT, ball_distance, scene
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, enlarged, overlay, scaled_to
 from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.texts import lesson_text
 from taubench_gl.evaluation import open_session
 from taubench_gl.report.plot import pareto_steps
 
-Array = np.ndarray
 Size = tuple[int, int]
-FPS, REPEATS = 4.0, 3
-SCALES = (0.25, 0.5, 1.0)
-CONFIGURATIONS = (*((scale, 1) for scale in (0.25, 0.5, 0.75, 1.0)), (1.0, 4), (1.0, 16))
+FPS, REPEATS = lesson_text("cost").opening.settings["fps"], 3
+Configuration = tuple[float, int]
+CONFIGURATIONS: tuple[Configuration, ...] = (*((scale, 1) for scale in (0.25, 0.5, 0.75, 1.0)), (1.0, 4), (1.0, 16))
 """Resolution, samples per pixel."""
 
-DOT_PT = 17.0
 FINER = 6  # rays per pixel and axis for the exact share
 FACETS = 0.003  # pp: the rendered ball has 64 x 128 facets inside the sphere
 
 
-@dataclass(frozen=True, slots=True)
-class Point:
-    """A measured configuration: its share of discarded pixels, percent, and the median milliseconds of a frame."""
-
-    scale: float
-    samples: int
-    percent: float
-    milliseconds: float
-
-
 def discarded(size: Size, pair: int) -> Array:
     """f_pos at every pixel of the pair (``pair``, ``pair`` + 1) of FPS frames a second: rays, float64.  (h, w) bool."""
-    rays = theory.pixel_rays(size, YFOV)
-    behind, _ = walls(rays)
     start, end = np.array(BALL_AT)
-    depths = [
-        np.minimum(behind, theory.hit_sphere(np.zeros(3), rays, start + (end - start) * frame / FPS, BALL))
-        for frame in (pair, pair + 1)
-    ]
-    return np.linalg.norm(rays, axis=-1) * np.abs(depths[1] - depths[0]) > DEFAULT_THRESHOLD
+    before, now = (ball_distance(size, start + (end - start) * frame / FPS) for frame in (pair, pair + 1))
+    return np.abs(now - before) > DEFAULT_THRESHOLD
 
 
 def exact_percent(size: Size) -> float:
@@ -76,42 +59,35 @@ def slack(size: Size, samples: int = 1) -> float:
     return 600.0 * deviation / (samples * size[0] * size[1]) + FACETS
 
 
-OPENING = Opening((Reason.POSITION,), frame=2, settings={"fps": FPS})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The error and the time of each configuration."""
     size, points = stage.size, measured(stage)
-    exact = exact_percent(size)
-    sheet = Sheet(3, 1, size[0] / size[1], below=360)
     details, masks = {}, []
-    for place, scale in enumerate(SCALES):
-        w, h = scaled(size, scale)
+    for place, percent in enumerate(lesson.text.parameter.values):
+        w, h = scaled(size, percent / 100)
         pair = stage.evaluate(scene(), columns=("frustum", "position", "color"), fps=FPS, width=w, height=h)[1][1]
         drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
         masks.append(drawn)
         part = enlarged(drawn, int(0.3 * w), int(0.25 * h), max(w // 3, 4), max(h // 3, 4))
-        details[scale] = scaled_to(part, (size[1] // 3, size[0] // 3))
-        text = f"error {error_at(points, scale, exact):.3f} pp"
-        sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, detail", text)
-    _front(sheet, points, exact)
-    sheet.legend(reason_entries(Reason.POSITION))
+        details[percent] = scaled_to(part, (size[1] // 3, size[0] // 3))
+        text = f"error {points[percent / 100, 1][0]:.3f} pp"
+        lesson.sheet.panel(place, 0, part, f"{percent:g} % resolution: {w} x {h}, detail", text)
+    _front(lesson.sheet, points)
     numbers = {}
     for name, scale, samples in (("quarter", 0.25, 1), ("full", 1.0, 1), ("sixteen", 1.0, 16)):
         bound = slack(scaled(size, scale), samples)
-        numbers[name] = error_at(points, scale, exact, samples), Expected.between(-np.inf, bound, 3)
-    parameter = swept(
-        tuple(100.0 * scale for scale in SCALES),
-        lambda p: (details[p / 100], error_at(points, p / 100, exact), 0.0, slack(scaled(size, p / 100))),
-        start=100.0 * SCALES[0],
-    )
-    screens = Screens(masks[0])
-    return Measured(numbers, sheet, parameter, screens=screens)
+        numbers[name] = points[scale, samples][0], Expected.between(-np.inf, bound, 3)
+
+    def at(percent: float) -> tuple[Array, float, float, float]:
+        """At ``percent`` of the resolution: the error of the share."""
+        return details[percent], points[percent / 100, 1][0], 0.0, slack(scaled(size, percent / 100))
+
+    return Measured(numbers, lesson.swept(at), Screens(masks[0]))
 
 
-def measured(stage: Stage) -> list[Point]:
-    """The mean percentage of every configuration, and the median time of a frame in REPEATS turns of all frames."""
-    ball, points = scene(), []
+def measured(stage: Stage) -> dict[Configuration, tuple[float, float]]:
+    """The error of the mean share, pp, and the median time of a frame in REPEATS turns of all frames, ms."""
+    ball, exact, points = scene(), exact_percent(stage.size), {}
     for scale, samples in CONFIGURATIONS:
         w, h = scaled(stage.size, scale)
         settings = stage.settings(
@@ -124,68 +100,24 @@ def measured(stage: Stage) -> list[Point]:
                 frames = 1 + sum(1 for _ in session.pairs())
                 times.append(1e3 * (time.perf_counter() - started) / frames)
             percent = session.summary()["discard"]["position"]["mean_percent"]
-        points.append(Point(scale, samples, percent, statistics.median(times[1:])))
+        points[scale, samples] = abs(percent - exact), statistics.median(times[1:])
     return points
 
 
-def error_at(points: list[Point], scale: float, exact: float, samples: int = 1) -> float:
-    """The error of a configuration, ``scale`` and ``samples`` per pixel, against the ``exact`` share, pp."""
-    return abs(next(p.percent for p in points if (p.scale, p.samples) == (scale, samples)) - exact)
-
-
-def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
+def _front(sheet: Sheet, points: Mapping[Configuration, tuple[float, float]]) -> None:
     """Plot error against time, with the Pareto front and a numbered list of the configurations beside it."""
-    axes = sheet.plot(
-        96, sheet.grid_bottom + 46, 750, 240, xscale="log", yscale="log",
-        xlabel="milliseconds per frame, on this machine", ylabel="error, pp",
-        title="Error against time: each dot is a configuration",
-    )  # fmt: skip
-    timed_points = [(p, p.milliseconds, max(abs(p.percent - exact), 1e-4)) for p in points]
-    line = pareto_steps((time, error) for _, time, error in timed_points)
+    axes = sheet.plot("front")
+    by_time = sorted((ms, max(error, 1e-4), *configuration) for configuration, (error, ms) in points.items())
+    line = pareto_steps(point[:2] for point in by_time)
     axes.step(*zip(*line), where="post", color=BLACK, linewidth=1.4, label="Pareto front")
-    top = sheet.grid_bottom + 48
-    timed_points.sort(key=lambda f: f[1])
-    for i, (point, ms, error) in enumerate(timed_points, start=1):
+    for i, (ms, error, scale, samples) in enumerate(by_time, start=1):
         color = RED if (ms, error) in line else BLUE
-        axes.plot([ms], [error], "o", color=color, markeredgecolor="black", markersize=DOT_PT, zorder=4)
-        text = f"{i}   {_name(point)}: {error:.3f} pp, {ms:.1f} ms"
-        sheet.text(880, top + 31 * (i - 1), text, size=12, color=color)
+        axes.plot([ms], [error], "o", color=color, markeredgecolor="black", markersize=9, zorder=4)
+        # The front comes from above and goes on to the right: two other sides, in turn for dots that are close.
+        side = 1 if i % 2 else -1
+        axes.annotate(str(i), (ms, error), (10 * side, 9 * side), textcoords="offset points", color=color, fontsize=11,
+                      fontweight="bold", ha="center", va="center", zorder=5)  # fmt: skip
+        name = f"{100 * scale:g} %, {samples} sample{'s' if samples > 1 else ''}"
+        place = 880, sheet.grid_bottom + 48 + 31 * (i - 1)
+        sheet.text(*place, f"{i}   {name}: {error:.3f} pp, {ms:.1f} ms", size=12, color=color)
     axes.margins(x=0.08, y=0.25)
-    sheet.key(axes, "upper right")
-    _number(axes, [(time, error) for _, time, error in timed_points])
-
-
-def _number(axes: Any, dots: list[tuple[float, float]]) -> None:
-    """Write the number of each dot on it, or beside it where dots overlap."""
-    axes.get_xlim(), axes.get_ylim()  # fixes the limits, which the positions depend on
-    places = 72.0 / axes.figure.dpi * axes.transData.transform(dots)
-    for i, (dot, (dx, dy)) in enumerate(zip(dots, beside(places, DOT_PT)), start=1):
-        color = "white" if (dx, dy) == (0.0, 0.0) else INK
-        axes.annotate(
-            str(i), dot, (dx, dy), textcoords="offset points", color=color, fontsize=11, fontweight="bold", ha="center",
-            va="center", zorder=5,
-        )  # fmt: skip
-
-
-def beside(places: Array, diameter: float) -> list[tuple[float, float]]:
-    """Offset of the label of each dot from its center: (0, 0), or away from the dots that it overlaps.
-
-    ``places`` (n, 2) and ``diameter`` in the same unit.  Labels of dots at the same position go left and right.
-    """
-    out = []
-    for i, place in enumerate(places):
-        overlapping = np.linalg.norm(places - place, axis=1) < diameter
-        if overlapping.sum() == 1:
-            out.append((0.0, 0.0))
-            continue
-        away = place - places[overlapping].mean(axis=0)
-        length = float(np.linalg.norm(away))
-        first = i == int(np.argmax(overlapping))
-        unit = away / length if length > 1e-6 * diameter else np.array([-1.0 if first else 1.0, 0.0])
-        out.append((float(diameter * unit[0]), float(diameter * unit[1])))
-    return out
-
-
-def _name(point: Point) -> str:
-    """A configuration in words, resolution and samples per pixel: ``50 %, 4 samples``."""
-    return f"{100 * point.scale:g} %, {point.samples} sample{'s' if point.samples > 1 else ''}"

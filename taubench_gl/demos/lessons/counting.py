@@ -6,18 +6,19 @@ import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, percent, swept, with_value
-from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances, scene
-from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, gray_image, heat, overlay, painted, reason_entries, rgb
-from taubench_gl.demos.stage import LitPair, Stage
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, percent
+from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, gray_image, heat, overlay, painted, rgb
+from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.texts import lesson_text
 from taubench_gl.metrics.counts import bin_of, discarded_above, edges
-
-Array = np.ndarray
 
 PAIRS = 24 * 3600
 """An hour at 24 frames per second."""
 
-THRESHOLD = 0.2  # m; in the octave from 0.125 m to 0.25 m, in which only the key that moves by 16 cm lies
+LOW, HIGH = 0.125, 0.25
+"""Meters: edges with 1 bin per octave.  Only the key that moves by 16 cm lies between them."""
+THRESHOLD = lesson_text("counting").parameter.start  # meters; between LOW and HIGH
 COARSE, FINE = 0, HISTOGRAM_MANTISSA_BITS  # 2^bits bins per octave; FINE: those of every run
 
 
@@ -59,43 +60,27 @@ def curve_at(distance: Array, threshold: float, bits: int) -> float:
     return float(np.interp(threshold, edges(bits), discarded_above(counts)))
 
 
-OPENING = Opening((Reason.POSITION,), settings={"thresholds": {"position": THRESHOLD}, "shadow_lights": 0})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """An hour of one pair summed in float32, and one curve from histograms of three widths."""
-    pair = stage.pair(scene(), columns=("frustum", "position", "color"), thresholds={"position": THRESHOLD},
-                      shadow_lights=0)  # fmt: skip
-    moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
+    pair, sheet = lesson.pair, lesson.sheet
+    moved = pair.change("position")
     discarded = int(pair.has(Reason.POSITION).sum())
-    sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=336, bars=True)
     text = f"{discarded} of {stage.pixels} pixels discarded: {100.0 * discarded / stage.pixels:.4f} %"
     sheet.panel(0, 0, overlay(pair.mask, pair.now["color"], Reason.POSITION), f"one pair, {THRESHOLD:g} m", text)
     sheet.panel(1, 0, heat(np.log2(moved.clip(0.01)) - np.log2(0.01), 8.0), "distance between the frames")
-    ticks = [(i / 8, f"{2**i}") for i in range(0, 9, 2)]
-    sheet.color_bar(1, 0, ticks, "cm, logarithmic")
     _plot_sums(sheet, discarded)
     _plot_curves(sheet, moved)
-    sheet.legend(reason_entries(Reason.POSITION))
     numbers = _sum_numbers(discarded, stage.pixels) | _curve_numbers(stage, moved, discarded)
-    return Measured(numbers, sheet, _threshold(pair, moved))
-
-
-def _threshold(pair: LitPair, moved: Array) -> Parameter:
-    """The threshold at which the coarse curve is read; its theory is the count of the pixels themselves.
-
-    ``moved`` (h, w): distance between the surface points of both frames, meters.
-    """
-    values, _ = with_value(np.geomspace(0.02, 1.0, 40), THRESHOLD)
     gray = gray_image(pair) / 255.0
 
     def at(value: float) -> tuple[Array, float, float, float]:
+        """At a threshold ``value``: the pixels above it by the coarse curve, and by their own count."""
         low = edges(COARSE)[np.searchsorted(edges(COARSE), value, side="right") - 1]
         image = painted(gray, (moved > value, rgb(Reason.POSITION)))
         inside = percent((moved >= low) & (moved < 2.0 * low))
         return image, 100.0 * curve_at(moved, value, COARSE) / moved.size, percent(moved > value), inside + 1e-9
 
-    return swept(values, at, start=THRESHOLD)
+    return Measured(numbers, lesson.swept(at))
 
 
 def _sum_numbers(discarded: int, pixels: int) -> dict[str, tuple[float, Expected]]:
@@ -113,10 +98,9 @@ def _sum_numbers(discarded: int, pixels: int) -> dict[str, tuple[float, Expected
 
 def _curve_numbers(stage: Stage, moved: Array, discarded: int) -> dict[str, tuple[float, Expected]]:
     """The errors of curves at THRESHOLD, from ``moved`` (h, w), against the count ``discarded`` of the mask."""
-    low, high = 0.125, 0.25  # the edges around THRESHOLD with 1 bin per octave
     expected = distances(stage.size)
-    inside = (expected >= low) & (expected < high)
-    weight = (high - THRESHOLD) / (high - low)
+    inside = (expected >= LOW) & (expected < HIGH)
+    weight = (HIGH - THRESHOLD) / (HIGH - LOW)
     slack = 50.0 * weight * theory.edge_pixels(inside) / inside.size
     errors = [curve_at(moved, THRESHOLD, bits) - discarded for bits in (COARSE, FINE)]
     return {
@@ -127,10 +111,7 @@ def _curve_numbers(stage: Stage, moved: Array, discarded: int) -> dict[str, tupl
 
 def _plot_sums(sheet: Sheet, term: int) -> None:
     """Plot the relative errors of sums of 1 to PAIRS times ``term``."""
-    axes = sheet.plot(
-        110, sheet.grid_bottom + 46, 500, 230, xscale="log", yscale="log", xlabel="pairs", ylabel="relative error",
-        title="Sum of the discarded pixels over an hour", ylim=(1e-10, 1.0),
-    )  # fmt: skip
+    axes = sheet.plot("sums")
     pairs = np.arange(1, PAIRS + 1)
     exact = term * pairs.astype(np.float64)
     error = np.abs(plain_sums(np.full(PAIRS, term)) / exact - 1.0)
@@ -140,19 +121,14 @@ def _plot_sums(sheet: Sheet, term: int) -> None:
     axes.plot(at, np.maximum(errors, 1e-10), color=BLUE, linewidth=1.6, marker="o", label="compensated float32")
     axes.axhline(1e-10, color=BLACK, linewidth=3, label="integers: exact")
     axes.axhline(2.0**-24, color="#777777", linewidth=1, linestyle="--", label="2^-24")
-    sheet.key(axes, "upper left", fontsize=11, ncols=2)
 
 
 def _plot_curves(sheet: Sheet, moved: Array) -> None:
     """Plot the share above each threshold, from histograms of ``moved`` (h, w) with three widths of bins."""
-    top = 100.0 * np.mean(moved >= STEPS_CM[0] / 200.0)
-    axes = sheet.plot(
-        740, sheet.grid_bottom + 46, 510, 230, xscale="log", xlim=(0.02, 2.0), ylim=(0, 1.08 * top),
-        xlabel="position threshold, meters", ylabel="discarded, %", title="Share above each threshold",
-    )  # fmt: skip
+    axes = sheet.plot("curves")
+    axes.set_ylim(0, 108.0 * np.mean(moved >= STEPS_CM[0] / 200.0))
     line = np.geomspace(0.02, 2.0, 600)
     for bits, color, width in ((COARSE, RED, 2.0), (1, BLUE, 1.6), (FINE, BLACK, 1.6)):
         shares = [100.0 * curve_at(moved, threshold, bits) / moved.size for threshold in line]
         axes.plot(line, shares, color=color, linewidth=width, label=f"{1 << bits} bin{'s' * (bits > 0)} per octave")
     axes.axvline(THRESHOLD, color="#777777", linewidth=1, linestyle="--")
-    sheet.key(axes, "upper right", fontsize=11)

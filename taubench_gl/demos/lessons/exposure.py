@@ -6,34 +6,30 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, percent, swept
-from taubench_gl.demos.sheet import Sheet, heat, overlay, painted, reason_entries, rgb
-from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Parameter, Screens, beyond, percent
+from taubench_gl.demos.sheet import Sheet, heat, overlay, painted, rgb
+from taubench_gl.demos.stage import Props, Stage, built
 from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.exposure import METERED_FRAMES, METERED_SIZE
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.exposure import MIDDLE_GRAY
-from taubench_gl.scene.model import Scene
 
-Array = np.ndarray
 Size = tuple[int, int]
 YFOV = np.radians(50.0)
 WALL, LAMP = -4.0, -3.0  # z of the wall and of the lamp
 PLACES = (-0.6, 0.6)  # x of the lamp in the two frames
 CANDELA, ALBEDO = 100.0, 0.8
 LUMENS_PER_WATT = 683.0
-STOPS = tuple(float(s) for s in np.arange(-12.0, 5.0))
 SHOWN = (Reason.LIT, Reason.SHADOWED)
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A gray wall and a lamp 1 m in front of it, which moves from left to right."""
-    b = Props()
     b.wall(12.0, 8.0, (ALBEDO,) * 3, translation=(0, 0, WALL))
     lamp = b.light(intensity=CANDELA, translation=(PLACES[0], 0, LAMP))
     b.animate(lamp, "translation", [0.0, 1.0], [(x, 0, LAMP) for x in PLACES])
     b.camera(yfov=YFOV, znear=0.05)
-    return b.build()
 
 
 def wall_radiance(size: Size, lamp: float) -> Array:
@@ -57,10 +53,7 @@ def change(size: Size) -> Array:
     return np.sqrt(3.0) * np.abs(wall_radiance(size, PLACES[1]) - wall_radiance(size, PLACES[0]))
 
 
-OPENING = Opening(SHOWN, settings={"exposure": "auto"})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The luminance of a wall, the metered exposure, and the discard rate with and without it."""
     columns = ("frustum", "direct")
     automatic = stage.settings(columns=columns, frames=(0, 2), exposure="auto")
@@ -70,58 +63,39 @@ def run(stage: Stage) -> Measured:
     watt = stage.pair(scene(), columns=columns, light_unit="watt")
     luminance = bright.now["direct"][..., 0].astype(np.float64)
     most, brightest = float(luminance.max()), float(wall_radiance(stage.size, PLACES[1]).max())
-    parameter = _exposure(stage, bright.before["direct"], bright.now["direct"], metered)
-    sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=330)
+    now = bright.now["direct"][..., :3].astype(np.float64)
+    moved, expected = np.linalg.norm(now - bright.before["direct"][..., :3], axis=-1), change(stage.size)
+
+    def at(stop: float) -> tuple[Array, float, float, float]:
+        """With an exposure of ``stop`` stops: the share that is discarded."""
+        region = moved * 2.0**stop > DEFAULT_THRESHOLD
+        image = painted(display_color(now, 2.0**stop), (region, rgb(Reason.DIRECT)), strength=0.45)
+        return image, percent(region), *beyond(expected * 2.0**stop)(DEFAULT_THRESHOLD)
+
+    parameter, sheet = lesson.swept(at), lesson.sheet
     for place, (pair, factor, name) in enumerate(((bright, 1.0, "exposure 1"), (gray, metered, "metered exposure"))):
         image = display_color(pair.now["direct"][..., :3].astype(np.float64), factor)
         text = f"exposure {factor:.4g}: {pair.percent(Reason.DIRECT):.1f} % discarded"
         sheet.panel(place, 0, overlay(pair.mask, image, *SHOWN), f"{name}: mask over the image", text)
     _plot(sheet, parameter, metered, stage.size)
-    sheet.legend(reason_entries(*SHOWN))
     ratio = float(np.median(luminance / watt.now["direct"][..., 0]))
     numbers = {
         "luminance": (most, Expected.near(brightest, 0.005 * brightest)),
         "candela_per_watt": (ratio, Expected.near(LUMENS_PER_WATT, 0.01)),
         "metered_exposure": (metered, Expected.near(expected_exposure(), 0.005 * expected_exposure(), 4)),
-        "discarded": (bright.percent(Reason.DIRECT), Expected.share(change(stage.size) > DEFAULT_THRESHOLD)),
-        "discarded_metered": (
-            gray.percent(Reason.DIRECT),
-            Expected.share(metered * change(stage.size) > DEFAULT_THRESHOLD),
-        ),
+        "discarded": (bright.percent(Reason.DIRECT), Expected.share(expected > DEFAULT_THRESHOLD)),
+        "discarded_metered": (gray.percent(Reason.DIRECT), Expected.share(metered * expected > DEFAULT_THRESHOLD)),
     }
-    screens = Screens(heat(luminance, most))
-    return Measured(numbers, sheet, parameter, screens=screens)
-
-
-def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parameter:
-    """The exposure in stops around 1: the share that it discards.
-
-    ``before``, ``now``: direct light (h, w, >= 3) of both frames, cd/m2; ``metered``: the exposure shown first.
-    """
-    moved = np.linalg.norm(now[..., :3].astype(np.float64) - before[..., :3], axis=-1)
-
-    def at(stop: float) -> tuple[Array, float, float, float]:
-        region = moved * 2.0**stop > DEFAULT_THRESHOLD
-        image = display_color(now[..., :3].astype(np.float64), 2.0**stop)
-        share = Expected.share(change(stage.size) * 2.0**stop > DEFAULT_THRESHOLD)
-        middle, slack = 0.5 * (share.low + share.high), 0.5 * (share.high - share.low)
-        return painted(image, (region, rgb(Reason.DIRECT)), strength=0.45), percent(region), middle, slack + 1e-9
-
-    return swept(STOPS, at, start=float(np.log2(metered)))
+    return Measured(numbers, parameter, Screens(heat(luminance, most)))
 
 
 def _plot(sheet: Sheet, parameter: Parameter, metered: float, size: Size) -> None:
     """Plot the discard rate against the exposure, with its closed form."""
-    axes = sheet.plot(
-        88, sheet.grid_bottom + 40, 1150, 220, xlabel="exposure, stops (0: radiance as it is)", ylabel="discarded, %",
-        title="Discard rate of direct light", ylim=(-4, 104),
-    )  # fmt: skip
-    line = np.linspace(STOPS[0], STOPS[-1], 300)
-    moved = np.sort(change(size).ravel())
-    shares = 100.0 * (1.0 - np.searchsorted(moved, DEFAULT_THRESHOLD / 2.0**line) / moved.size)
+    axes = sheet.plot("rate")
+    line = np.linspace(parameter.values[0], parameter.values[-1], 300)
+    shares = theory.shares_above(change(size), DEFAULT_THRESHOLD / 2.0**line)
     sheet.theory(axes, line, shares, "theory: closed form")
     sheet.dots(axes, parameter.values, parameter.measured, markersize=7)
     for stop, name in ((0.0, "exposure 1"), (float(np.log2(metered)), "metered")):
         axes.axvline(stop, color="#777777", linewidth=1, linestyle="--")
         axes.text(stop + 0.32, 30, name, fontsize=12, rotation=90, ha="right", va="center")
-    sheet.key(axes, "upper left")

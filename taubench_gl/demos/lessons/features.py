@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, percent, threshold_parameter
-from taubench_gl.demos.sheet import Sheet, as_bytes, gray_image, inset, letter, note, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, beyond, percent
+from taubench_gl.demos.sheet import as_bytes, gray_image, inset, letter, note, overlay
+from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage, built
 from taubench_gl.scene.builder import IDENTITY, turn, turn_x, turn_y
-from taubench_gl.scene.model import Primitive, Scene
+from taubench_gl.scene.model import Primitive
 
-Array = np.ndarray
 MIN_PIXELS = 8  # smallest region with a letter
 
 # Scenes, all with the camera at the origin, and their regions in theory
@@ -35,13 +33,11 @@ PANEL = {"x": -1.5, "y": (-1.5, 0.3), "z": (-5.6, -3.2), "color": (0.85, 0.06, 0
 PANEL_SUN = np.array([-1.0, -0.35, -0.25])
 
 
-def _stage(reach: float = 5.0) -> Props:
+def _stage(b: Props, reach: float = 5.0) -> None:
     """Add camera, diffuse back wall and floor, 2 ``reach`` meters wide.  A small stage has sharper shadows."""
-    b = Props()
     b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR + 0.5 * reach, WALL))
     b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR, WALL + 0.5 * reach), rotation=turn_x(-90))
     b.camera(yfov=YFOV, znear=0.05)
-    return b
 
 
 def aim(direction: Array) -> Array:
@@ -50,58 +46,53 @@ def aim(direction: Array) -> Array:
     return math3d.normalize(np.array([y, -x, 0.0, 1.0 - z]))
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A ball that moves in front of the wall; the scene of the first panel."""
-    b = _stage()
+    _stage(b)
     ball = b.ball(BALL, BRICK, 64)
     b.animate(ball, "translation", TIMES, BALL_AT)
     b.light(kind="directional", intensity=3.0, rotation=aim(np.array([-0.5, -0.9, -1.0])))
-    return b.build()
 
 
-def turning_fan() -> Scene:
+@built
+def turning_fan(b: Props) -> None:
     """A fan that turns by half of a blade in its own plane."""
-    b = _stage()
+    _stage(b)
     fan = b.thing(fan_primitive(b.paint(SEA)), translation=FAN_AT)
     b.animate(fan, "rotation", TIMES, [IDENTITY, turn((0, 0, 1), 180.0 / BLADES)])
     b.light(kind="directional", intensity=6.0, rotation=aim(np.array([-1.0, -0.5, -0.8])))
-    return b.build()
 
 
 def fan_primitive(material: int, cuts: int = 8) -> Primitive:
     """A flat disc of BLADES sectors; their normals tilt along the rotation by TILT, with alternating sign."""
-    edges = np.linspace(0.0, 2.0 * np.pi, BLADES * cuts + 1)
-    positions, normals = [], []
-    for i, (a, b) in enumerate(pairwise(edges)):
-        blade = i // cuts
-        middle = 2.0 * np.pi * (blade + 0.5) / BLADES
-        lean = np.radians(TILT) * (1 if blade % 2 else -1)
-        normal = [-np.sin(middle) * np.sin(lean), np.cos(middle) * np.sin(lean), np.cos(lean)]
-        positions += [(0, 0, 0), (FAN * np.cos(a), FAN * np.sin(a), 0), (FAN * np.cos(b), FAN * np.sin(b), 0)]
-        normals += [normal] * 3
-    corners = np.array(positions, dtype=np.float32)
+    edges, blade = np.linspace(0.0, 2.0 * np.pi, BLADES * cuts + 1), np.arange(BLADES)
+    rim = FAN * np.stack([np.cos(edges), np.sin(edges), np.zeros(len(edges))], axis=-1)
+    corners = np.stack([np.zeros((len(edges) - 1, 3)), rim[:-1], rim[1:]], axis=1).reshape(-1, 3).astype(np.float32)
+    middle, lean = 2.0 * np.pi * (blade + 0.5) / BLADES, np.radians(TILT) * np.where(blade % 2, 1, -1)
+    normals = np.stack([-np.sin(middle) * np.sin(lean), np.cos(middle) * np.sin(lean), np.cos(lean)], axis=-1)
     triangles = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
-    return Primitive(corners, triangles, material, normals=np.array(normals, dtype=np.float32))
+    return Primitive(corners, triangles, material, normals=normals.repeat(3 * cuts, axis=0).astype(np.float32))
 
 
-def moving_sun() -> Scene:
+@built
+def moving_sun(b: Props) -> None:
     """A still ball, and a directional light that jumps from the right to the left."""
-    b = _stage()
+    _stage(b)
     b.ball(SUN_BALL, CHALK, 64, translation=SUN_AT)
     lamp = b.light(kind="directional", intensity=SUN_LUX)
     b.animate(lamp, "rotation", TIMES, [aim(d) for d in SUN], "STEP")
-    return b.build()
 
 
-def appearing_wall() -> Scene:
+@built
+def appearing_wall(b: Props) -> None:
     """A lit red wall that appears at the side of the stage and reflects red light on it."""
-    b = _stage(9.0)
+    _stage(b, 9.0)
     (y0, y1), (z0, z1) = PANEL["y"], PANEL["z"]
     middle = (PANEL["x"], 0.5 * (y0 + y1), 0.5 * (z0 + z1))
     wall = b.wall(0.5 * (z1 - z0), 0.5 * (y1 - y0), PANEL["color"], translation=middle, rotation=turn_y(90))
     b.animate(wall, "visible", TIMES, [[0.0], [1.0]], "STEP")
     b.light(kind="directional", intensity=PANEL["lux"], rotation=aim(PANEL_SUN))
-    return b.build()
 
 
 def walls(direction: Array) -> tuple[Array, Array]:
@@ -114,24 +105,26 @@ def walls(direction: Array) -> tuple[Array, Array]:
     return np.where(on_floor, floor, back), normal
 
 
+def ball_distance(size: Size, at: Array) -> Array:
+    """Distance from the camera to the surface at each pixel with the ball at ``at`` (3,).  (h, w) meters."""
+    rays = theory.pixel_rays(size, YFOV)
+    depth = np.minimum(walls(rays)[0], theory.hit_sphere(np.zeros(3), rays, at, BALL))
+    return np.linalg.norm(rays, axis=-1) * depth
+
+
 def expected_ball(size: Size) -> dict[str, Array]:
     """The regions (a) and (b) of the moving ball: discards by position, by the sign of the change in distance."""
-    rays = theory.pixel_rays(size, YFOV)
-    behind, _ = walls(rays)
-    before, now = (
-        np.linalg.norm(rays, axis=-1) * np.minimum(behind, theory.hit_sphere(np.zeros(3), rays, np.array(at), BALL))
-        for at in BALL_AT
-    )
+    before, now = (ball_distance(size, np.array(at)) for at in BALL_AT)
     return {"a": now - before > DEFAULT_THRESHOLD, "b": before - now > DEFAULT_THRESHOLD}
 
 
-def expected_fan(size: Size) -> Array:
-    """The region (c): pixels of the disc that another blade covers now.  (h, w) bool."""
+def expected_fan(size: Size) -> dict[str, Array]:
+    """The region (c): pixels of the disc that another blade covers now."""
     rays = theory.pixel_rays(size, YFOV)
     x, y = rays[..., 0] * -FAN_AT[2], rays[..., 1] * -FAN_AT[2]
     angle = np.arctan2(y, x) % (2 * np.pi)
     blade, width = (lambda a: np.floor(a / width).astype(int) % BLADES), 2 * np.pi / BLADES
-    return (np.hypot(x, y) < FAN) & (blade(angle) != blade(angle - 0.5 * width))
+    return {"c": (np.hypot(x, y) < FAN) & (blade(angle) != blade(angle - 0.5 * width))}
 
 
 def sun_change(size: Size) -> tuple[Array, Array]:
@@ -153,16 +146,13 @@ def sun_change(size: Size) -> tuple[Array, Array]:
     return lit[1] - lit[0], bare[1] - bare[0]
 
 
-def expected_sun(size: Size) -> dict[str, Array]:
-    """The regions (d) to (g): light that comes or goes, with shadows only or already without them."""
-    change, bare_change = sun_change(size)
-    came, went = change > DEFAULT_THRESHOLD, change < -DEFAULT_THRESHOLD
-    bare_came, bare_went = bare_change > DEFAULT_THRESHOLD, bare_change < -DEFAULT_THRESHOLD
+def by_light(came: Array, went: Array, bare_came: Array, bare_went: Array) -> dict[str, Array]:
+    """The regions (d) to (g): light that comes or goes, with shadows only or already without them (``bare``)."""
     return {"d": came & bare_came, "e": went & bare_went, "f": came & ~bare_came, "g": went & ~bare_went}
 
 
-def expected_wall(size: Size) -> Array:
-    """The region (h): red light of one bounce on floor and back wall, outside the red wall itself.  (h, w) bool."""
+def expected_wall(size: Size) -> dict[str, Array]:
+    """The region (h): red light of one bounce on floor and back wall, outside the red wall itself."""
     rays = theory.pixel_rays(size, YFOV)
     behind, normal = walls(rays)
     with np.errstate(divide="ignore"):
@@ -186,17 +176,16 @@ def expected_wall(size: Size) -> Array:
         * np.linalg.norm(np.array(PANEL["color"]) * np.array(CHALK))
         / np.pi
     )
-    return before_it & ~shown & (light * factor > DEFAULT_THRESHOLD)
+    return {"h": before_it & ~shown & (light * factor > DEFAULT_THRESHOLD)}
 
 
 # Figure
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class Panel:
     """One panel of the figure.  ``measured`` and ``expected``: letter -> region (h, w) bool, measured and in theory."""
 
-    feature: str
     title: str
     pair: LitPair
     reasons: tuple[Reason, ...]
@@ -204,92 +193,50 @@ class Column:
     expected: Mapping[str, Array]
 
 
-def _position(stage: Stage) -> Column:
-    """The panel of position: (a) and (b)."""
-    pair = stage.pair(scene(), columns=("frustum", "position", "color"))
-    measured = {"a": pair.has(Reason.DISOCCLUDED), "b": pair.has(Reason.OCCLUDING)}
-    expected = expected_ball(pair.mask.shape[::-1])
-    return Column("position", "a ball moves", pair, (Reason.DISOCCLUDED, Reason.OCCLUDING), measured, expected)
-
-
-def _normal(stage: Stage) -> Column:
-    """The panel of normals: (c)."""
-    pair = stage.pair(turning_fan(), columns=("frustum", "normal", "color"))
-    expected = {"c": expected_fan(pair.mask.shape[::-1])}
-    return Column("normal", "a fan turns", pair, (Reason.NORMAL,), {"c": pair.has(Reason.NORMAL)}, expected)
-
-
-def _direct(stage: Stage) -> Column:
-    """The panel of direct light: (d) to (g)."""
-    columns = ("frustum", "direct", "color")
-    pair = stage.pair(moving_sun(), columns=columns)
+def panels(stage: Stage, ball: LitPair) -> list[Panel]:
+    """The panels of position, normal, direct and indirect.  ``ball``: the pair of the moving ball."""
+    fan = stage.pair(turning_fan(), columns=("frustum", "normal", "color"))
     # The same pair without shadows: changes that remain are due to the light's angle, the others to shadows.
-    bare = stage.pair(moving_sun(), columns=columns, shadow_lights=0)
-    lit, dark = pair.has(Reason.LIT), pair.has(Reason.SHADOWED)
-    measured = {
-        "d": lit & bare.has(Reason.LIT),
-        "e": dark & bare.has(Reason.SHADOWED),
-        "f": lit & ~bare.has(Reason.LIT),
-        "g": dark & ~bare.has(Reason.SHADOWED),
-    }
-    expected = expected_sun(pair.mask.shape[::-1])
-    return Column("direct", "a light moves", pair, (Reason.LIT, Reason.SHADOWED), measured, expected)
-
-
-def _indirect(stage: Stage) -> Column:
-    """The panel of indirect light: (h)."""
-    pair = stage.pair(
+    columns = ("frustum", "direct", "color")
+    sun, bare = (stage.pair(moving_sun(), columns=columns, **given) for given in ({}, {"shadow_lights": 0}))
+    wall = stage.pair(
         appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
         indirect_samples=4096, width=4 * stage.size[1] // 3,
     )  # fmt: skip
-    measured = {"h": pair.has(Reason.INDIRECT) & ~pair.has(Reason.POSITION)}
-    expected = {"h": expected_wall(pair.mask.shape[::-1])}
-    return Column("indirect", "a red wall appears", pair, (Reason.INDIRECT,), measured, expected)
+    by_ball = {"a": ball.has(Reason.DISOCCLUDED), "b": ball.has(Reason.OCCLUDING)}
+    by_wall = {"h": wall.has(Reason.INDIRECT) & ~wall.has(Reason.POSITION)}
+    moved, light = (Reason.DISOCCLUDED, Reason.OCCLUDING), (Reason.LIT, Reason.SHADOWED)
+    by_sun = by_light(*(pair.has(reason) for pair in (sun, bare) for reason in light))
+    expected_sun = by_light(*(s * c > DEFAULT_THRESHOLD for c in sun_change(stage.size) for s in (1.0, -1.0)))
+    return [
+        Panel("position: a ball moves", ball, moved, by_ball, expected_ball(stage.size)),
+        Panel("normal: a fan turns", fan, (Reason.NORMAL,), {"c": fan.has(Reason.NORMAL)}, expected_fan(stage.size)),
+        Panel("direct: a light moves", sun, light, by_sun, expected_sun),
+        Panel("indirect: a red wall appears", wall, (Reason.INDIRECT,), by_wall, expected_wall(wall.mask.shape[::-1])),
+    ]
 
 
-COLUMNS: tuple[Callable[[Stage], Column], ...] = (_position, _normal, _direct, _indirect)
-
-
-OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING))
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """One panel per feature, with letters on the regions that it detects."""
-    columns = [make(stage) for make in COLUMNS]
-    sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
-    numbers = {}
-    for place, column in enumerate(columns):
-        marked = widened(overlay(column.pair.mask, column.pair.now["color"], *column.reasons), stage.size[0])
-        aside = (stage.size[0] - column.pair.mask.shape[1]) // 2
-        axes = sheet.panel(place % 2, place // 2, marked, f"{column.feature}: {column.title}")
-        inset(axes, widened(as_bytes(column.pair.before["color"][..., :3]), stage.size[0]), "previous frame")
-        for name, region in column.measured.items():
+    numbers, shown = {}, panels(stage, lesson.pair)
+    for place, panel in enumerate(shown):
+        marked = widened(overlay(panel.pair.mask, panel.pair.now["color"], *panel.reasons), stage.size[0])
+        aside = (stage.size[0] - panel.pair.mask.shape[1]) // 2
+        axes = lesson.sheet.panel(place % 2, place // 2, marked, panel.title)
+        inset(axes, widened(as_bytes(panel.pair.before["color"][..., :3]), stage.size[0]), "previous frame")
+        for name, region in panel.measured.items():
             if region.sum() >= MIN_PIXELS:
                 x, row = theory.innermost_pixel(region)
                 letter(axes, (x + aside, row), name)
-            numbers[name] = percent(region), Expected.share(column.expected[name])
-        shares = (f"{name} {100.0 * region.mean():.2f} %" for name, region in column.measured.items())
+            numbers[name] = percent(region), Expected.share(panel.expected[name])
+        shares = (f"{name} {percent(region):.2f} %" for name, region in panel.measured.items())
         note(axes, ", ".join(shares) + " of the image")
-    reasons = [reason for column in columns for reason in column.reasons]
-    sheet.legend(reason_entries(*reasons))
-    return Measured(numbers, sheet, _threshold(columns[2].pair))
+    sun = shown[2].pair
+    theory_at = beyond(np.abs(sun_change(stage.size)[0]))
+    return Measured(numbers, lesson.threshold(sun.change("direct"), gray_image(sun), theory_at, Reason.DIRECT))
 
 
 def widened(image: Array, width: int) -> Array:
     """``image`` (h, w, 3) uint8 in the middle of an image that is ``width`` pixels wide."""
     left = (width - image.shape[1]) // 2
     return np.pad(image, ((0, 0), (left, width - image.shape[1] - left), (0, 0)), constant_values=251)
-
-
-def _threshold(pair: LitPair) -> Parameter:
-    """The threshold of direct light: the share that it discards when the light moves."""
-    change = np.linalg.norm(pair.now["direct"][..., :3] - pair.before["direct"][..., :3], axis=-1)
-    size = change.shape[::-1]
-    return threshold_parameter(
-        change,
-        np.geomspace(0.01, 2.0, 47),
-        np.abs(sun_change(size)[0]),
-        gray_image(pair),
-        rgb(Reason.DIRECT),
-        start=DEFAULT_THRESHOLD,
-    )

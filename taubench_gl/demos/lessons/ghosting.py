@@ -9,19 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, swept
-from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, rgb
-from taubench_gl.demos.stage import Props, Stage, checkered
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, displayed
+from taubench_gl.demos.stage import Props, Stage, built, checkered
+from taubench_gl.demos.texts import lesson_text
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.response import response_frames
 from taubench_gl.scene.builder import sphere
-from taubench_gl.scene.model import Scene
 
-Array = np.ndarray
-FRAMES, ALPHA = 13, 0.1
+FRAMES = lesson_text("ghosting").opening.frame + 1
+ALPHA = 0.1
 AGE = 5  # frames since a pixel was disoccluded, for the number
 GLOW = (2.0, 0.75, 0.1)
 TILE = (0.10, 0.30)
@@ -38,20 +36,18 @@ METHODS = {
     "position and normal tested": ("bmfr_temporal", BLUE, "^"),
     "masks of the exact frames": ("ideal-masks", BLACK, "D"),
 }
-ALPHAS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
 MARKER_PT = (6, 14, 9, 4)
 """Sizes in the order of METHODS: three curves coincide, so each marker is visible around the next."""
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """An emissive ball crosses an emissive checkered wall: all radiances are known, there is no other light."""
-    b = Props()
     tiles = [b.glow(v, v, 1.15 * v) for v in TILE]
     b.thing(*checkered(6.0, 4.0, (24, 16), tiles), translation=(0, 0, -6))
     ball = b.thing(dataclasses.replace(sphere(0.55, 48), material=b.glow(*GLOW)))
     b.animate(ball, "translation", [0.0, float(FRAMES - 1)], [(-1.9, 0.25, -4.4), (1.5, -0.2, -4.4)])
     b.camera(yfov=np.radians(42.0), znear=0.05)
-    return b.build()
 
 
 @dataclass(slots=True)
@@ -65,7 +61,7 @@ class Trail:
 def run_methods(stage: Stage, texts: Mapping[str, str]) -> dict[str, Trail]:
     """The last image of every method and its remaining ball weight by age.  ``texts``: specification by name."""
     age = np.zeros(stage.size[::-1], dtype=int)
-    with stage.reuse(scene(), texts, reads=("ids",), exact=True) as (inputs, runners):
+    with stage.reuse(scene(), texts, reads=("ids",)) as (inputs, runners):
         for frame in range(FRAMES):
             channels = inputs.advance(frame)
             images = {name: read_result(runner.step(channels))[..., :3] for name, runner in runners.items()}
@@ -91,20 +87,16 @@ def response(trail: Trail) -> float:
     return float(response_frames(np.array([trail.weights[age] ** 2 for age in sorted(trail.weights)]), 0.0))
 
 
-OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), frame=FRAMES - 1, settings={"environment": "none"})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The ghost of the ball in four methods, and its decay."""
     texts = {name: text for name, (text, _, _) in METHODS.items()}
-    blended = {f"{alpha:g}": untested(alpha) for alpha in ALPHAS}
+    blended = {f"{alpha:g}": untested(alpha) for alpha in lesson.text.parameter.values}
     images = run_methods(stage, texts | blended)
     trails = {name: images[name] for name in texts}
-    sheet = Sheet(4, 1, stage.size[0] / stage.size[1], below=400, legend=False)
     for place, (name, trail) in enumerate(trails.items()):
         text = f"{100 * trail.weights.get(AGE, np.nan):.1f} % after {AGE} frames"
-        sheet.panel(place, 0, shown(trail.image), name, text)
-    _plot(sheet, trails)
+        lesson.sheet.panel(place, 0, displayed(trail.image), name, text)
+    _plot(lesson.sheet, trails)
     first, clamped, tested, ideal = trails
     left, tenth = 100 * (1 - ALPHA) ** AGE, math.ceil(math.log(0.1) / (2 * math.log(1 - ALPHA)))
     numbers = {
@@ -114,33 +106,19 @@ def run(stage: Stage) -> Measured:
         "tested": (100 * trails[tested].weights[AGE], Expected.near(0.0, 0.1)),
         "exact": (100 * trails[ideal].weights[AGE], Expected.near(0.0, 0.1)),
     }
-    parameter = _weight({alpha: images[name] for alpha, name in zip(ALPHAS, blended)})
-    colors = {name: rgb(color) for name, (_, color, _) in METHODS.items()}
-    screens = Screens(parameter.picture(parameter.start))
-    return Measured(numbers, sheet, parameter, colors, screens)
-
-
-def _weight(trails: Mapping[float, Trail]) -> Parameter:
-    """The weight of the new frame: what remains of the ball in history that is not tested."""
 
     def at(alpha: float) -> tuple[Array, float, float, float]:
-        left = 100.0 * (1.0 - alpha) ** AGE
-        return shown(trails[alpha].image), 100.0 * trails[alpha].weights[AGE], left, 0.01 * left + 1e-3
+        """With a weight ``alpha`` of the new frame: what remains of the ball in history that is not tested."""
+        trail, left = images[f"{alpha:g}"], 100.0 * (1.0 - alpha) ** AGE
+        return displayed(trail.image), 100.0 * trail.weights[AGE], left, 0.01 * left + 1e-3
 
-    return swept(ALPHAS, at, start=ALPHA)
-
-
-def shown(image: Array) -> Array:
-    """Linear radiance (h, w, 3) as a display color, (h, w, 3) in [0, 1]."""
-    return display_color(np.maximum(image.astype(np.float64), 0.0), 1.0, "linear")
+    parameter = lesson.swept(at)
+    return Measured(numbers, parameter, Screens(parameter.picture(parameter.start)))
 
 
 def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
     """Plot what remains of the ball against the frames since it left."""
-    axes = sheet.plot(
-        80, sheet.grid_bottom + 44, 1160, 292, xlabel="frames since the ball left", ylabel="remaining radiance, %",
-        title="Decay of the ghost", ylim=(-9, 104),
-    )  # fmt: skip
+    axes = sheet.plot("decay")
     k = np.linspace(1, FRAMES, 200)
     axes.plot(k, 100 * (1 - ALPHA) ** k, color=BLACK, linewidth=1.4, linestyle="--", label=f"theory: (1 - {ALPHA})^k")
     for i, (name, trail) in enumerate(trails.items()):
@@ -148,4 +126,3 @@ def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
         ages, size = sorted(trail.weights), MARKER_PT[i]
         values = [100 * trail.weights[a] for a in ages]
         axes.plot(ages, values, marker=marker, markersize=size, color=color, linewidth=size / 3, label=name)
-    sheet.key(axes, "upper right")

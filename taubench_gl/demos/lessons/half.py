@@ -5,28 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, swept
-from taubench_gl.demos.sheet import BLACK, BLUE, PAPER, RED, Sheet, heat, note, rgb
-from taubench_gl.demos.stage import Props, Stage, hall
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, heat, note, rgb
+from taubench_gl.demos.stage import Props, Stage, built, hall
 from taubench_gl.scene.builder import IDENTITY, turn
-from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import pixel_grid
 
-Array = np.ndarray
 YFOV = np.radians(60.0)
 ROLL = 50.0
 WRONG, RIGHT = rgb(RED), (52, 54, 58)
 BLOCK = 8  # pixels along a side
-BITS = tuple(range(7, 15))
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """The hall and a rolling camera: motion grows from 0 at the center to hundreds of pixels in the corners."""
-    b = Props()
     hall(b)
     camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=YFOV, znear=0.05)
     b.animate(camera, "rotation", [0.0, 1.0], [IDENTITY, turn((0, 0, 1), ROLL)])
-    return b.build()
 
 
 def half_step(motion: Array, bits: int = 11) -> Array:
@@ -37,8 +33,6 @@ def half_step(motion: Array, bits: int = 11) -> Array:
 
 def in_half(motion: Array, bits: int = 11) -> Array:
     """``motion`` rounded to ``bits`` of precision, half to even."""
-    if bits == 11:
-        return motion.astype(np.float16).astype(np.float32)
     step = half_step(motion, bits)
     return (np.round(motion / step) * step).astype(np.float32)
 
@@ -63,35 +57,26 @@ def law(motion: Array, bits: int = 11) -> float:
 
 def largest_in_blocks(values: Array) -> Array:
     """The largest value, NaN aside, of the block of BLOCK x BLOCK pixels around each pixel.  (h, w) -> (h, w)."""
-    height, width = values.shape
-    rows, columns = -(-height // BLOCK), -(-width // BLOCK)
-    padded = np.full((rows * BLOCK, columns * BLOCK), -1.0)
-    padded[:height, :width] = np.nan_to_num(values, nan=-1.0)
-    most = padded.reshape(rows, BLOCK, columns, BLOCK).max(axis=(1, 3))
-    spread = np.repeat(np.repeat(most, BLOCK, axis=0), BLOCK, axis=1)[:height, :width]
-    return np.where(spread < 0.0, np.nan, spread)
+    for axis, length in enumerate(values.shape):
+        most = np.fmax.reduceat(values, np.arange(0, length, BLOCK), axis=axis)
+        values = np.repeat(most, BLOCK, axis=axis).take(np.arange(length), axis=axis)
+    return values
 
 
-OPENING = Opening((FRUSTUM,))
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The errors of motion vectors that are rounded to 16-bit floats."""
-    pair = stage.pair(scene(), columns=("frustum", "color"))
+    pair, sheet = lesson.pair, lesson.sheet
     reusable = ~pair.has(FRUSTUM)
     half = in_half(pair.motion)
     error = np.where(reusable[..., None], np.abs(half - pair.motion), np.nan)
     other = reusable & (texels(half) != texels(pair.motion)).any(axis=-1)
     steps = half_step(pair.motion)
-    sheet = Sheet(2, 1, stage.size[0] / stage.size[1], legend=False, bars=True)
     worst = largest_in_blocks(np.max(error, axis=-1))
     low, high = -11.0, -4.0  # exponents of the color scale
     axes = sheet.panel(
         0, 0, heat(np.log2(np.maximum(worst, 2.0**low)) - low, high - low),
         f"largest error in blocks of {BLOCK} x {BLOCK} pixels",
     )  # fmt: skip
-    ticks = [((e - low) / (high - low), f"1/{2**-e:.0f}") for e in (-10, -8, -6, -4)]
-    sheet.color_bar(0, 0, ticks, "px, logarithmic; gray: no history")
     most = float(np.abs(pair.motion[reusable]).max())
     note(axes, f"the camera rolls by {ROLL:g}°: motion up to {most:.0f} px along an axis")
     _staircase(sheet, np.abs(pair.motion[reusable]).ravel(), error[reusable].ravel())
@@ -101,10 +86,16 @@ def run(stage: Stage) -> Measured:
         "other_pixel": (share, Expected.near(expected, _chance(expected, reusable))),
         "largest_error": (float(np.nanmax(error / (0.5 * steps))), Expected.between(0.9, 1.0, 3)),
     }
-    colors = {"measured": rgb(BLUE), "half a spacing": rgb(BLACK)}
-    parameter = _precision(pair.motion, reusable)
-    screens = Screens(parameter.picture(parameter.start))
-    return Measured(numbers, sheet, parameter, colors, screens)
+
+    def at(bits: float) -> tuple[Array, float, float, float]:
+        """With ``bits`` of precision: the share of the pixels that read another pixel."""
+        other = reusable & (texels(in_half(pair.motion, int(bits))) != texels(pair.motion)).any(axis=-1)
+        image = np.where(other[..., None], WRONG, np.where(reusable[..., None], RIGHT, 219)).astype(np.uint8)
+        expected = law(pair.motion[reusable], int(bits))
+        return image, 100.0 * float(other.sum() / reusable.sum()), expected, _chance(expected, reusable)
+
+    parameter = lesson.swept(at)
+    return Measured(numbers, parameter, Screens(parameter.picture(parameter.start)))
 
 
 def _chance(percent: float, reusable: Array) -> float:
@@ -112,35 +103,13 @@ def _chance(percent: float, reusable: Array) -> float:
     return 500.0 * float(np.sqrt(percent / 100.0 / reusable.sum()))
 
 
-def _precision(motion: Array, reusable: Array) -> Parameter:
-    """The bits of precision: the share of the pixels that read another pixel.
-
-    ``motion`` (h, w, 2): exact motion vectors, pixels; ``reusable`` (h, w) bool: pixels that are counted.
-    """
-
-    def at(bits: float) -> tuple[Array, float, float, float]:
-        other = reusable & (texels(in_half(motion, int(bits))) != texels(motion)).any(axis=-1)
-        image = np.where(other[..., None], WRONG, np.where(reusable[..., None], RIGHT, 219)).astype(np.uint8)
-        expected = law(motion[reusable], int(bits))
-        return image, 100.0 * float(other.sum() / reusable.sum()), expected, _chance(expected, reusable)
-
-    return swept(BITS, at, start=11)
-
-
 def _staircase(sheet: Sheet, motion: Array, error: Array) -> None:
     """Plot errors against motion, both (n,) pixels, with the largest possible error."""
     left, top, width, height = sheet.place(1, 0)
-    axes = sheet.plot(
-        left + 66, top, width - 66, height, xlabel="motion along one axis, pixels", ylabel="error, pixels",
-        title="every error, and half of the spacing", xticks=[0, 16, 32, 64, 128, 192],
-    )  # fmt: skip
+    axes = sheet.plot("error", (left + 66, top, width - 66, height))
     pick = np.linspace(0, len(motion) - 1, min(len(motion), 12000)).astype(int)
-    axes.scatter(
-        motion[pick], error[pick], s=2, color=BLUE, alpha=0.35, linewidths=0, rasterized=True, label="measured"
-    )
+    axes.scatter(motion[pick], error[pick], s=2, color=BLUE, alpha=0.35, linewidths=0, rasterized=True)
+    axes.scatter([], [], s=30, color=BLUE, linewidths=0, label="measured")  # for the key
     line = np.linspace(1.0, motion.max(), 3000)
     axes.plot(line, 0.5 * half_step(line), color=BLACK, linewidth=2, label="theory: half a spacing")
     axes.set_xlim(0, 1.02 * motion.max())
-    legend = axes.legend(fontsize=12, loc="upper left", facecolor=PAPER, edgecolor="none", framealpha=0.9)
-    for handle in legend.legend_handles[:1]:
-        handle.set(sizes=[30], alpha=1.0)

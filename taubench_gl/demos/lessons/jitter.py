@@ -8,22 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.animation.jitter import halton_jitter
-from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Measured, Opening, Screens, swept
-from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, enlarged, enlarged_frames, rgb
-from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, VIOLET, Sheet, displayed, enlarged, enlarged_frames
+from taubench_gl.demos.stage import Props, Stage, built
 from taubench_gl.frame.targets import write_channel
-from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.scene.builder import quad, turn
-from taubench_gl.scene.model import Scene
 
-Array = np.ndarray
 YFOV, DEPTH = np.radians(42.0), 4.0
 SLOPE = 1.0 / 7.3  # pixels to the right per pixel upwards: rows meet the edge at all sub-pixel positions
 DARK, BRIGHT = 0.05, 0.8
 FRAMES, ALPHA = 40, 0.1
-ALPHAS = (0.05, 0.1, 0.2, 0.4, 0.8)
 REACH = 20  # pixels to either side of the edge in which its spread is measured
 
 Error = Callable[[Array, Array], Array]
@@ -36,16 +31,23 @@ CASES: Mapping[str, tuple[Error, str]] = {
 """Name -> error of the motion vectors (2,), pixels, +y up, from the offsets of both frames; color in the plot."""
 
 
-def scene() -> Scene:
-    """A bright half-plane on a dark one, both emissive; the edge goes through the center.  Nothing moves."""
-    b = Props()
-    angle = float(np.degrees(np.arctan(SLOPE)))
-    b.thing(quad(12.0, 8.0, material=b.glow(DARK)), translation=(0, 0, -DEPTH - 0.01))
-    lean = np.radians(angle)
-    middle = 6.0 * np.array([np.cos(lean), -np.sin(lean), 0.0]) + [0, 0, -DEPTH]
-    b.thing(quad(6.0, 12.0, material=b.glow(BRIGHT)), translation=middle, rotation=turn((0, 0, 1), -angle))
+def slanted(b: Props, dark: float, bright: float, half: float, aside: float = 0.0) -> None:
+    """Add a dark wall and before it a bright rectangle, 2 ``half`` meters wide, along a line of SLOPE; both emissive.
+
+    ``aside``: meters from the center of the image to the middle line of the rectangle.
+    """
+    lean = np.arctan(SLOPE)
+    middle = aside * np.array([np.cos(lean), -np.sin(lean), 0.0]) + [0, 0, -DEPTH]
+    b.thing(quad(12.0, 8.0, material=b.glow(dark)), translation=(0, 0, -DEPTH - 0.01))
+    slant = turn((0, 0, 1), -np.degrees(lean))
+    b.thing(quad(half, 12.0, material=b.glow(bright)), translation=middle, rotation=slant)
+
+
+@built
+def scene(b: Props) -> None:
+    """A bright half-plane on a dark one; the edge goes through the center.  Nothing moves."""
+    slanted(b, DARK, BRIGHT, 6.0, 6.0)
     b.still_camera(YFOV, FRAMES - 1.0)
-    return b.build()
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,13 +82,19 @@ def predicted(error: Error, alpha: float, frames: int = FRAMES) -> Spread:
     return Spread(mean, float(np.sqrt(second - mean * mean)))
 
 
+def from_edge(shape: tuple[int, ...]) -> Array:
+    """Distance of each pixel of an image of ``shape`` (h, w) to the right of the true edge.  (h, w) pixels."""
+    height, width = shape
+    row = np.arange(height)[:, None]
+    return np.arange(width) - (0.5 * (width - 1) + SLOPE * (0.5 * (height - 1) - row))
+
+
 def measured(image: Array) -> Spread:
     """The spread of the edge in an image (h, w), over the rows in which it is REACH pixels inside."""
     height, width = image.shape
     row = np.arange(height)
-    true = 0.5 * (width - 1) + SLOPE * (0.5 * (height - 1) - row)
     rows = row[(np.abs(row - 0.5 * (height - 1)) < 0.5 * min(height, width // 2) - 4)]
-    place = np.arange(width - 1) + 0.5 - true[rows, None]
+    place = from_edge(image.shape)[rows, :-1] + 0.5
     weight = np.diff(image[rows], axis=1) * (np.abs(place) < REACH)
     total = weight.sum()
     mean = float((weight * place).sum() / total)
@@ -112,12 +120,9 @@ def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[s
     return images
 
 
-OPENING = Opening((Reason.POSITION,), settings={"environment": "none"})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The spread and the shift of an edge, with right and with wrong motion vectors."""
-    weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in ALPHAS}
+    weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in lesson.text.parameter.values}
     cases = {name: (error, ALPHA) for name, (error, _) in CASES.items()}
     images = accumulated(stage, cases | weights)
     spreads = {name: measured(profile_image(image)) for name, image in images.items()}
@@ -125,12 +130,11 @@ def run(stage: Stage) -> Measured:
     width, height = stage.size
     side = (32, 18)
     part = (width // 2 - side[0] // 2, height // 2 - side[1] // 2, *side)
-    details = {name: enlarged(shown(image), *part) for name, image in images.items()}
-    sheet = Sheet(4, 1, width / height, below=400, legend=False)
+    details = {name: enlarged(displayed(image), *part) for name, image in images.items()}
     for place, name in enumerate(CASES):
         text = f"spread {spreads[name].sigma:.2f} px, shift {spreads[name].shift:+.2f} px"
-        sheet.panel(place, 0, details[name], name, text)
-    _plot(sheet, {name: images[name] for name in CASES}, spreads)
+        lesson.sheet.panel(place, 0, details[name], name, text)
+    _plot(lesson.sheet, {name: images[name] for name in CASES}, spreads)
     right, left_in, sign, forgotten = CASES
     numbers = {
         "left_in": (spreads[left_in].sigma, _near(theory[left_in].sigma)),
@@ -139,17 +143,13 @@ def run(stage: Stage) -> Measured:
         "shift_one_frame": (spreads[forgotten].shift, Expected.near(theory[forgotten].shift, 0.03)),
         "shift_removed": (spreads[right].shift, Expected.near(theory[right].shift, 0.03)),
     }
-    colors = {name: rgb(color) for name, (_, color) in CASES.items()}
-    names = dict(zip(ALPHAS, weights))
-    parameter = swept(
-        ALPHAS,
-        lambda a: (details[names[a]], spreads[names[a]].sigma, theory[names[a]].sigma, 0.03 * theory[names[a]].sigma),
-        start=ALPHA,
-    )
-    pair = stage.pair(scene(), columns=("frustum", "color"), environment="none")
-    text = f"After {FRAMES} frames with jitter in the motion vectors, enlarged."
-    screens = Screens(details[left_in], enlarged_frames(pair, *part))
-    return Measured(numbers, sheet, parameter, colors, screens)
+
+    def at(alpha: float) -> tuple[Array, float, float, float]:
+        """With a weight ``alpha`` of the new frame: the spread of the edge with jitter in the motion vectors."""
+        name = f"{alpha:g}"
+        return details[name], spreads[name].sigma, theory[name].sigma, 0.03 * theory[name].sigma
+
+    return Measured(numbers, lesson.swept(at), Screens(details[left_in], enlarged_frames(lesson.pair, *part)))
 
 
 def _near(value: float) -> Expected:
@@ -162,25 +162,12 @@ def profile_image(image: Array) -> Array:
     return (image[..., 0] - DARK) / (BRIGHT - DARK)
 
 
-def shown(image: Array) -> Array:
-    """Linear radiance (h, w, 3) as a display color, (h, w, 3) in [0, 1]."""
-    return display_color(image, 1.0, "linear")
-
-
 def _plot(sheet: Sheet, images: Mapping[str, Array], spreads: Mapping[str, Spread]) -> None:
     """Plot the profile across the edge of each image: all rows, by their distance from the true edge."""
-    axes = sheet.plot(
-        88, sheet.grid_bottom + 44, 1150, 292, xlabel="distance from the edge, px", ylabel="0: dark, 1: bright",
-        title="Profile across the edge, all rows", xlim=(-5, 5), ylim=(-0.05, 1.05),
-    )  # fmt: skip
+    axes = sheet.plot("profile")
     for name, image in images.items():
-        height, width = image.shape[:2]
-        row = np.arange(height // 4, 3 * height // 4)
-        true = 0.5 * (width - 1) + SLOPE * (0.5 * (height - 1) - row)
-        place = (np.arange(width) - true[:, None]).ravel()
-        value = profile_image(image)[row].ravel()
-        bins = np.arange(-5.0, 5.01, 0.125)
-        which = np.digitize(place, bins)
+        rows, bins = slice(len(image) // 4, 3 * len(image) // 4), np.arange(-5.0, 5.01, 0.125)
+        value = profile_image(image)[rows].ravel()
+        which = np.digitize(from_edge(image.shape[:2])[rows].ravel(), bins)
         middle = [value[which == i].mean() for i in range(1, len(bins))]
         axes.plot(bins[:-1] + 0.0625, middle, color=CASES[name][1], linewidth=2.2, label=name)
-    sheet.key(axes, "lower right")

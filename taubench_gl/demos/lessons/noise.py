@@ -2,41 +2,37 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, percent, threshold_parameter
-from taubench_gl.demos.sheet import BLACK, Sheet, as_bytes, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import Props, Stage, corner
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens, percent
+from taubench_gl.demos.sheet import BLACK, Sheet, as_bytes, displayed, overlay
+from taubench_gl.demos.stage import Props, Stage, built, corner
 from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.shading import Shading
-from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
 
-Array = np.ndarray
 LAMPS = ((-2.2, 0.9, -4.6), (-0.8, 0.9, -2.6), (0.8, 0.9, -5.4), (2.2, 0.9, -3.4))
 SAMPLES = (1, 4, 16, 64)
 SIGMA = 0.5 * DEFAULT_THRESHOLD
 
 
-def scene(lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> Scene:
+@built
+def scene(b: Props, lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> None:
     """A static corner of a room under lamps of one color and power."""
-    b = Props()
     corner(b)
     for place in lamps:
         b.light(translation=place, intensity=3.0)
     b.still_camera(np.radians(50.0), 1.0)
-    return b.build()
 
 
 def direct_light(stage: Stage, room: Scene, frames: tuple[int, ...], samples: int) -> Array:
     """Direct radiance of frames, (frames, h, w, 3).  ``samples``: random light samples per pixel; 0: all lamps."""
     shading = Shading(light_samples=samples, indirect_samples=samples)
-    return stage.direct_light(room, frames, shading)
+    return np.stack([shot.direct for shot in stage.bench.shots(room, frames, shading=shading)])
 
 
 def expected_one_sample(per_lamp: Array, threshold: float = DEFAULT_THRESHOLD) -> float:
@@ -58,33 +54,26 @@ def expected_many_samples(per_lamp: Array, samples: int) -> float:
     return theory.normal_change(DEFAULT_THRESHOLD, sigma.ravel()[::23], samples)
 
 
-OPENING = Opening(
-    (Reason.INDIRECT,),  # path-traced light of a lamp without size has no noise until it is reflected
-    settings={"light": "path-traced", "spp": 1, "bounces": 2, "pattern": "independent", "indirect": "auto"},
-)
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The masks of a static room whose light is estimated from random samples."""
     still = scene()
     per_lamp = np.stack([direct_light(stage, scene((place,)), (0,), 0)[0] for place in LAMPS])
-    sheet = Sheet(4, 2, stage.size[0] / stage.size[1], below=330)
+    sheet = lesson.sheet
     shares, first, screens = {}, None, None
     for place, samples in enumerate(SAMPLES):
         before, now = direct_light(stage, still, (0, 1), samples)
         pair = stage.bench.compare({"direct": now}, {"direct": before})
         first = (before, now) if first is None else first
         shares[samples] = percent(pair.has(Reason.DIRECT))
-        shown = display_color(now, 1.0, "linear")
+        shown = displayed(now)
         sheet.panel(place, 0, shown, f"{samples} sample{'s' if samples > 1 else ''} per pixel")
         marked = overlay(pair.mask, shown, Reason.DIRECT)
         sheet.panel(place, 1, marked, "mask", f"{shares[samples]:.1f} % discarded")
-        screens = screens or Screens(marked, (display_color(before, 1.0, "linear"), shown))
+        screens = screens or Screens(marked, (displayed(before), shown))
     exact = direct_light(stage, still, (0, 1), 0)
     none = percent(stage.bench.compare({"direct": exact[1]}, {"direct": exact[0]}).has(Reason.DIRECT))
     gaussian = _gaussian(stage)
     _plot(sheet, shares, per_lamp)
-    sheet.legend(reason_entries(Reason.DIRECT))
     one_sample = expected_one_sample(per_lamp)
     tail = 100.0 * theory.maxwell_tail(DEFAULT_THRESHOLD, math.sqrt(2.0) * SIGMA)
     numbers = {
@@ -92,27 +81,16 @@ def run(stage: Stage) -> Measured:
         "normal_noise": (gaussian, Expected.near(tail, _slack(tail, stage))),
         "all_lamps": (none, Expected.near(0.0, 0.0)),
     }
-    return Measured(numbers, sheet, _threshold(stage, *first, per_lamp), screens=screens)
 
+    def theory_at(threshold: float) -> tuple[float, float]:
+        """The share of a static room that a ``threshold`` of direct light discards at one sample per pixel."""
+        share = expected_one_sample(per_lamp, threshold)
+        return share, _slack(min(max(share, 0.1), 99.9), stage)
 
-def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Parameter:
-    """The threshold of direct light at one sample per pixel: the share of a static room that it discards.
-
-    ``before``, ``now``: direct light (h, w, 3) of both frames; ``per_lamp`` (K, h, w, 3): of each lamp alone.
-    """
-    thresholds = np.geomspace(0.01, 2.0, 40)
-    base = as_bytes(np.repeat(display_color(now, 1.0, "linear").mean(axis=-1, keepdims=True), 3, axis=-1))
-    marked = threshold_parameter(
-        np.linalg.norm(now - before, axis=-1),
-        thresholds,
-        np.zeros(now.shape[:2]),
-        base,
-        rgb(Reason.DIRECT),
-        start=DEFAULT_THRESHOLD,
-    )
-    shares = tuple(expected_one_sample(per_lamp, threshold) for threshold in marked.values)
-    slacks = tuple(_slack(min(max(share, 0.1), 99.9), stage) for share in shares)
-    return dataclasses.replace(marked, expected=shares, tolerance=slacks)
+    before, now = first
+    base = as_bytes(np.repeat(displayed(now).mean(axis=-1, keepdims=True), 3, axis=-1))
+    parameter = lesson.threshold(np.linalg.norm(now - before, axis=-1), base, theory_at, Reason.DIRECT)
+    return Measured(numbers, parameter, screens)
 
 
 def _slack(percent_of_image: float, stage: Stage) -> float:
@@ -130,13 +108,8 @@ def _gaussian(stage: Stage) -> float:
 
 def _plot(sheet: Sheet, shares: dict[int, float], per_lamp: Array) -> None:
     """Plot the discard rate against the number of samples, with its theory."""
-    axes = sheet.plot(
-        80, sheet.grid_bottom + 44, 1160, 222, xscale="log", ylim=(0, 50), xlabel="light samples per pixel",
-        ylabel="discarded, %", title="A static room: discard rate of the direct column",
-    )  # fmt: skip
+    axes = sheet.plot("rate")
     line = np.unique(np.round(np.logspace(np.log10(4), 3, 16)).astype(int))
     sheet.theory(axes, line, [expected_many_samples(per_lamp, int(n)) for n in line], "theory: central limit theorem")
     axes.plot([1], [expected_one_sample(per_lamp)], "D", color=BLACK, markersize=11, label="theory: all pairs of lamps")
     sheet.dots(axes, list(shares), list(shares.values()), zorder=5)
-    axes.set_xticks([1, 4, 16, 64, 256, 1000], ["1", "4", "16", "64", "256", "1000"])
-    sheet.key(axes, "upper right")

@@ -5,23 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, swept
-from taubench_gl.demos.sheet import Sheet, arrow, overlay, reason_entries
-from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
-from taubench_gl.scene.model import Scene
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured
+from taubench_gl.demos.sheet import arrow, overlay
+from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, built, focal_px
 
-Array = np.ndarray
 YFOV = np.radians(50.0)
 NEAR, FAR, STEP = 2.5, 6.0, 0.32
 BOARD = (0.55, 0.6)  # half width and height
 SHOWN = (Reason.DISOCCLUDED, Reason.OCCLUDING)
 COLUMNS = ("frustum", "position", "color")
-STEPS = (0.0, 0.08, 0.16, 0.24, 0.32, 0.4, 0.48)  # meters
 
 
-def scene(moves: str = "camera", step: float = STEP) -> Scene:
+@built
+def scene(b: Props, moves: str = "camera", step: float = STEP) -> None:
     """A board in front of a wall.  In one second the ``camera`` or the ``board`` moves right by ``step`` meters."""
-    b = Props()
     b.checkered(12.0, 8.0, (48, 32), (CHALK, SAND), translation=(0, 0, -FAR))
     board = b.checkered(*BOARD, (6, 6), (BRICK, GOLD), translation=(0, 0, -NEAR))
     b.light(translation=(0.6, 1.4, 0.0), intensity=35.0)
@@ -29,20 +26,16 @@ def scene(moves: str = "camera", step: float = STEP) -> Scene:
     start = np.array([(0.0, 0.0, -NEAR)] if moves == "board" else [(0.0, 0.0, 0.0)])
     node = board if moves == "board" else camera
     b.animate(node, "translation", [0.0, 1.0], np.concatenate([start, start + [step, 0, 0]]))
-    return b.build()
 
 
-OPENING = Opening(SHOWN, settings={"reprojection": "motion"})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The masks of a moving camera and of a moving board, and the widths of the strips in them."""
     walked = stage.pair(scene("camera"), columns=COLUMNS)
     camera = stage.pair(scene("board"), columns=COLUMNS)
     motion = stage.pair(scene("board"), columns=COLUMNS, reprojection="motion")
     (width, height), focal = stage.size, focal_px(YFOV, stage.size[1])
     parallax, moved = focal * STEP * (1 / NEAR - 1 / FAR), focal * STEP / NEAR
-    sheet = Sheet(3, 2, width / height)
+    sheet = lesson.sheet
     for place, (pair, mover, direction, reprojection) in enumerate((
         (walked, "camera", -1, "camera"), (camera, "board", 1, "camera"), (motion, "board", 1, "motion"),
     )):  # fmt: skip
@@ -53,7 +46,6 @@ def run(stage: Stage) -> Measured:
         text = f"{pair.row_width(SHOWN[0]):.0f} px disoccluded, {pair.row_width(SHOWN[1]):.0f} px occluding"
         image = overlay(pair.mask, pair.now["color"], *SHOWN)
         sheet.panel(place, 1, image, f"mask: {reprojection} reprojection", text)
-    sheet.legend(reason_entries(*SHOWN))
     by_motion = Expected.near(moved, 1.0)
     numbers = {
         "camera_disoccluded": (walked.row_width(Reason.DISOCCLUDED), Expected.near(parallax, 1.0)),
@@ -63,15 +55,11 @@ def run(stage: Stage) -> Measured:
         "motion_occluding": (motion.row_width(Reason.OCCLUDING), Expected.between(0.0, 1.0, 0)),
         "motion_disoccluded": (motion.row_width(Reason.DISOCCLUDED), by_motion),
     }
-    return Measured(numbers, sheet, _distance(stage))
-
-
-def _distance(stage: Stage) -> Parameter:
-    """The distance that the camera moves: the width of the strip that it disoccludes."""
 
     def at(step: float) -> tuple[Array, float, float, float]:
+        """After the camera moved by ``step`` meters: the width of the strip that it disoccludes."""
         pair = stage.pair(scene("camera", step), columns=COLUMNS)
-        parallax = focal_px(YFOV, stage.size[1]) * step * (1 / NEAR - 1 / FAR)
+        parallax = focal * step * (1 / NEAR - 1 / FAR)
         return overlay(pair.mask, pair.now["color"], *SHOWN), pair.row_width(Reason.DISOCCLUDED), parallax, 1.0
 
-    return swept(STEPS, at, start=STEP)
+    return Measured(numbers, lesson.swept(at))

@@ -2,42 +2,26 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import ColorBar, Expected, Measured, Opening, Parameter, Screens, swept
-from taubench_gl.demos.sheet import BLUE, RED, Sheet, enlarged, frame_of, heat, note, rgb
-from taubench_gl.demos.stage import Props, Stage, hall
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Parameter, Screens
+from taubench_gl.demos.sheet import BLUE, RED, enlarged, frame_of, heat, note
+from taubench_gl.demos.stage import Props, Stage, built, hall
 from taubench_gl.scene.builder import turn_y
-from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import PairImages
 
-Array = np.ndarray
 FAR = 1e6
 
 
-def scene(meters: float = FAR) -> Scene:
+@built
+def scene(b: Props, meters: float = FAR) -> None:
     """The hall ``meters`` from the origin along each axis; the camera moves and turns slightly."""
-    b = Props()
+    b.root = b.node(translation=(meters,) * 3)
     hall(b)
     camera = b.camera(yfov=np.radians(60.0), znear=0.0625)
     b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 1.5), (0.125, 0.0, 1.25)])
     b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(3.0)])
-    return _moved(b.build(), meters)
-
-
-def _moved(built: Scene, meters: float) -> Scene:
-    """The scene with all roots ``meters`` farther along each axis; keys are dyadic, so the float64 sums are exact."""
-    by = np.full(3, meters)
-    roots = built.nodes.parent < 0
-    nodes = dataclasses.replace(built.nodes, translation=built.nodes.translation + np.where(roots[:, None], by, 0.0))
-    channels = tuple(
-        dataclasses.replace(c, values=c.values + by) if c.path == "translation" and roots[c.index] else c
-        for c in built.channels
-    )
-    return dataclasses.replace(built, nodes=nodes, channels=channels)
 
 
 def step_at(meters: float) -> float:
@@ -79,21 +63,25 @@ def expected_motion_error(pair: PairImages, step: float) -> Array:
     return step / np.sqrt(12) * np.sqrt(sum(np.sum(np.square(s) * extends(pair), axis=-1) for s in slopes))
 
 
-OPENING = Opening((FRUSTUM,))
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The errors of float32 world positions a million meters from the origin, and of motion from them."""
     at_origin, far_away = (stage.bench.pair(scene(meters)) for meters in (0.0, FAR))
-    image = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
     moved = in_world_floats(far_away, far_away.view.position)
     position = far_away.current["position"].astype(np.float64)
     shift = (moved - position)[..., :3]
     in_history = far_away.surface & ~far_away.has(FRUSTUM)
     false = motion_error(far_away, moved)
     ours = np.linalg.norm(far_away.motion - at_origin.motion, axis=-1)
-    parameter = _distance(far_away)
-    sheet = _figure(stage, image, far_away, shift, parameter)
+
+    def at(meters: float) -> tuple[Array, float, float, float]:
+        """At ``meters`` from the origin: the error of motion from float32 world positions."""
+        error = motion_error(far_away, in_world_floats(far_away, far_away.view.position - FAR + meters))
+        predicted = rms(expected_motion_error(far_away, step_at(meters))[in_history])
+        image = heat(np.log10(np.maximum(error, 1e-4)) + 4.0, 6.0)
+        return image, rms(error[in_history]), predicted, 0.1 * predicted
+
+    parameter = lesson.swept(at)
+    _figure(lesson, far_away, shift, parameter)
     step = step_at(FAR)
     predicted = rms(expected_motion_error(far_away, step)[in_history])
     numbers = {
@@ -108,8 +96,7 @@ def run(stage: Stage) -> Measured:
         "motion": (rms(false[in_history]), Expected.near(predicted, 0.05 * predicted)),
     }
     most = np.sqrt(0.75) * step  # half a spacing along each axis
-    screens = Screens(heat(np.linalg.norm(shift, axis=-1), most))
-    return Measured(numbers, sheet, parameter, {"stored": rgb(RED), "exact": rgb(BLUE)}, screens)
+    return Measured(numbers, parameter, Screens(heat(np.linalg.norm(shift, axis=-1), most)))
 
 
 def previous_px(pair: PairImages, position: Array) -> Array:
@@ -131,38 +118,27 @@ def motion_error(pair: PairImages, position: Array) -> Array:
     return np.linalg.norm(away, axis=-1)
 
 
-def _figure(stage: Stage, image: Array, pair: PairImages, shift: Array, parameter: Parameter) -> Sheet:
-    """The hall with a frame, the error of x inside the frame, a row of its pixels, and the error of motion."""
-    width, height = stage.size
+def _figure(lesson: Lesson, pair: PairImages, shift: Array, parameter: Parameter) -> None:
+    """Draw the hall with a frame, the error of x inside the frame, a row of its pixels, and the error of motion."""
+    height, width = pair.mask.shape
     part = column_front(pair, int(0.42 * height), width // 4)
-    sheet = Sheet(2, 1, width / height, below=370, legend=False, bars=True)
-    axes = sheet.panel(0, 0, image, "the hall, a million meters from the origin")
+    sheet = lesson.sheet
+    axes = sheet.panel(0, 0, lesson.pair.now["color"][..., :3], "the hall, a million meters from the origin")
     axes.add_patch(frame_of(*part))
     half = 50.0 * step_at(FAR)  # cm
     detail = enlarged(100.0 * shift[..., 0], *part)
     axes = sheet.panel(1, 0, heat(detail + half, 2.0 * half, "RdBu"), "in the frame: error of the stored x")
-    ticks = [(0.0, f"-{half:.1f}"), (0.5, "0"), (1.0, f"{half:.1f}")]
-    sheet.color_bar(1, 0, ticks, "cm, stored - exact", "RdBu")
     note(axes, f"{100 * rms(shift[extends(pair)]):.2f} cm (RMS)")
     row = part[1] + part[3] // 2
     columns = np.arange(part[0], part[0] + part[2])
     exact = pair.current["position"].astype(np.float64)[row, columns, 0]
-    axes = sheet.plot(
-        88, sheet.grid_bottom + 40, 520, 260, xlabel="pixel of the row in the middle of the frame",
-        ylabel="x from the camera, meters", title="A row of pixels: steps instead of a ramp",
-    )  # fmt: skip
+    axes = sheet.plot("row")
     axes.plot(columns, exact, color=BLUE, linewidth=1.6, label="exact")
     axes.step(columns, exact + shift[row, columns, 0], where="mid", color=RED, linewidth=2, label="stored, float32")
-    sheet.key(axes, "upper left")
     axes.margins(y=0.25)
-    axes = sheet.plot(
-        730, sheet.grid_bottom + 40, 520, 260, xscale="log", yscale="log", xlabel="distance from the origin, meters",
-        ylabel="error of motion (RMS), px", title="Error of motion from stored positions",
-    )  # fmt: skip
+    axes = sheet.plot("motion")
     sheet.theory(axes, parameter.values, parameter.expected)
     sheet.dots(axes, parameter.values, parameter.measured)
-    sheet.key(axes, "upper left")
-    return sheet
 
 
 def column_front(pair: PairImages, row: int, before: int) -> tuple[int, int, int, int]:
@@ -173,21 +149,3 @@ def column_front(pair: PairImages, row: int, before: int) -> tuple[int, int, int
     left, wide = int(columns[0]), len(columns)
     high = max(wide * pair.mask.shape[0] // pair.mask.shape[1], 2)
     return left, row - high // 2, wide, high
-
-
-def _distance(pair: PairImages) -> Parameter:
-    """The distance from the origin: the error of motion from float32 world positions."""
-    eye, in_history = pair.view.position - FAR, pair.surface & ~pair.has(FRUSTUM)
-
-    def at(meters: float) -> tuple[Array, float, float, float]:
-        error = motion_error(pair, in_world_floats(pair, eye + meters))
-        predicted = rms(expected_motion_error(pair, step_at(meters))[in_history])
-        image = heat(np.log10(np.maximum(error, 1e-4)) + 4.0, 6.0)
-        return image, rms(error[in_history]), predicted, 0.1 * predicted
-
-    return swept(
-        (1e2, 1e3, 1e4, 1e5, 1e6, 3e6),
-        at,
-        start=FAR,
-        bar=ColorBar("Error of motion, px", tuple((i / 6, f"{10.0 ** (i - 4):g}") for i in range(0, 7, 2))),
-    )

@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, swept
-from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, rgb, scaled_to
-from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
+from taubench_gl.demos.sheet import BLACK, BLUE, RED, Sheet, displayed, magnified, rgb
+from taubench_gl.demos.stage import Props, Stage, built
+from taubench_gl.demos.texts import lesson_text
 from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.sample_rays import SampleRays
 from taubench_gl.reuse.samples import history_counts
-from taubench_gl.scene.model import Scene
 
-Array = np.ndarray
 SIZE = (96, 54)  # path-traced input takes long on a CPU
-BORN, AGE = 16, 5
+BORN, AGE = lesson_text("reservoirs").opening.frame, 5
 """Frame in which the second lamp is switched on, and the frames after which it is looked at; then it is off again."""
 
 LIMIT = 8
-LIMITS = (1, 2, 4, 8, 16)
 SHARE = 0.5  # of the light that the second lamp gives
 SIGMAS = 4.0
 """Half width of the ranges, in standard deviations of a share of independent pixels."""
@@ -35,9 +31,9 @@ SETTINGS = {"fps": 1.0, "bounces": 1, "width": SIZE[0], "height": SIZE[1]}
 METHOD = "restir-di@candidates=4@neighbors=0@visibility_reuse=false@combination=biased@history_limit="
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A wall that one lamp lights; from frame BORN on, for AGE frames, a second one as bright at the same place."""
-    b = Props()
     b.wall(9.0, 6.0, (0.7, 0.7, 0.7), translation=(0.0, 0.0, -4.0))
     for second in (False, True):
         lamp = b.light(translation=(0.6, 0.5, -2.0), intensity=4.0)
@@ -45,7 +41,6 @@ def scene() -> Scene:
             times = [0.0, BORN - 0.5, BORN + AGE - 0.5]
             b.animate(lamp, "scale", times, [(0.0,) * 3, (1.0,) * 3, (0.0,) * 3], "STEP")
     b.still_camera(np.radians(42.0), BORN + AGE)
-    return b.build()
 
 
 def remembered(limit: int, frames: int) -> tuple[float, float]:
@@ -76,9 +71,9 @@ class Memory:
     wrong: float
 
 
-def run_limits(stage: Stage) -> tuple[dict[int, Memory], tuple[Array, Array]]:
+def run_limits(stage: Stage, limits: Sequence[int]) -> tuple[dict[int, Memory], tuple[Array, Array]]:
     """What reservoirs remember by limit, and images of the right light before and after the birth."""
-    texts = {"right": "ris@candidates=4"} | {str(limit): f"{METHOD}{limit}" for limit in LIMITS}
+    texts = {"right": "ris@candidates=4"} | {str(limit): f"{METHOD}{limit}" for limit in limits}
     shares: dict[str, list[float]] = {name: [] for name in texts}
     memories, images = {}, {}
     with stage.reuse(scene(), texts, "path-traced@1", ("motion", "mask"), **SETTINGS) as (inputs, runners):
@@ -92,7 +87,7 @@ def run_limits(stage: Stage) -> tuple[dict[int, Memory], tuple[Array, Array]]:
         light = {name: float(image.mean()) / float(results["right"].mean()) for name, image in results.items()}
         frame = inputs.advance(BORN + AGE)
         with SampleRays(stage.gpu, frame.light, inputs.size, 1.0) as rays:
-            for limit in LIMITS:
+            for limit in limits:
                 runner = runners[str(limit)]
                 runner.step(frame)
                 memory = shares[str(limit)], kept[str(limit)], light[str(limit)], wrong_keeps(runner, frame, rays)
@@ -112,62 +107,38 @@ def tolerance(share: float) -> float:
     return 100.0 * SIGMAS * share_deviation(share, SIZE[0] * SIZE[1])
 
 
-OPENING = Opening(
-    (Reason.LIT,),
-    frame=BORN,
-    settings={"light": "path-traced", "indirect": "auto", "fps": 1.0, "bounces": 1, "environment": "none"},
-)
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """Which lamp reservoirs hold, and the light of the image, some frames after a second lamp was switched on."""
-    memories, images = run_limits(stage)
+    memories, images = run_limits(stage, [int(limit) for limit in lesson.text.parameter.values])
     memory, (share, light) = memories[LIMIT], remembered(LIMIT, AGE)
     numbers = {
         "pixels": (100 * memory.shares[-1], Expected.near(100 * share, tolerance(share))),
         "light": (100 * memory.light, Expected.near(100 * light, 0.1)),
         "wrong_history": (100 * memory.wrong, Expected.near(100 * share, tolerance(share))),
     }
-    sheet = Sheet(len(LIMITS), 1, SIZE[0] / SIZE[1], below=370)
     for place, (limit, one) in enumerate(memories.items()):
-        sheet.panel(place, 0, lamps_held(one.held), f"limit {limit}", f"{100 * one.shares[-1]:.1f} %")
-    _plot(sheet, memories)
-    sheet.legend([("holds the first lamp", rgb(BLACK)), ("holds the new lamp", rgb(RED))])
-    frames = tuple(enlarged(display_color(image.astype(np.float64), 1.0, "linear")) for image in images)
-    screens = Screens(lamps_held(memory.held), frames)
-    return Measured(numbers, sheet, _limit(memories), screens=screens)
+        lesson.sheet.panel(place, 0, lamps_held(one.held), f"limit {limit}", f"{100 * one.shares[-1]:.1f} %")
+    _plot(lesson.sheet, memories)
+    frames = tuple(magnified(displayed(image)) for image in images)
 
+    def at(limit: float) -> tuple[Array, float, float, float]:
+        """With history that stands for ``limit`` frames: the share of reservoirs that hold the new lamp."""
+        one, expected = memories[int(limit)], remembered(int(limit), AGE)[0]
+        return lamps_held(one.held), 100 * one.shares[-1], 100 * expected, tolerance(expected)
 
-def enlarged(image: Array) -> Array:
-    """An image (h, w, 3) at four times its width and height."""
-    return scaled_to(image, (SIZE[1] * 4, SIZE[0] * 4))
+    return Measured(numbers, lesson.swept(at), Screens(lamps_held(memory.held), frames))
 
 
 def lamps_held(held: Array) -> Array:
     """Pixels that hold the first lamp and the second one, enlarged, (4 h, 4 w, 3) uint8."""
-    return enlarged(np.where((held == 1)[..., None], np.uint8(rgb(RED)), np.uint8(rgb(BLACK))))
-
-
-def _limit(memories: Mapping[int, Memory]) -> Parameter:
-    """The limit of the count of samples that history stands for."""
-
-    def at(limit: float) -> tuple[Array, float, float, float]:
-        memory, expected = memories[int(limit)], remembered(int(limit), AGE)[0]
-        return lamps_held(memory.held), 100 * memory.shares[-1], 100 * expected, tolerance(expected)
-
-    return swept(LIMITS, at, start=LIMIT)
+    return magnified(np.where((held == 1)[..., None], np.uint8(rgb(RED)), np.uint8(rgb(BLACK))))
 
 
 def _plot(sheet: Sheet, memories: Mapping[int, Memory]) -> None:
     """Plot the share of reservoirs that hold the new lamp against the frames with it, for each limit."""
-    axes = sheet.plot(
-        80, sheet.grid_bottom + 44, 1160, 262, xlabel="frames with the new lamp", ylabel="hold the new lamp, %",
-        title="How fast reservoirs find a new lamp", ylim=(0, 56),
-    )  # fmt: skip
+    axes = sheet.plot("shares")
     frames = np.arange(1, AGE + 1)
     for i, (limit, memory) in enumerate(memories.items()):
         shares = [100 * remembered(limit, int(n))[0] for n in frames]
         axes.plot(frames, shares, color=BLACK, linewidth=1.4, linestyle="--", label="theory" if i == 0 else None)
         axes.plot(frames, 100 * np.array(memory.shares), "osD^v"[i], color=BLUE, markersize=8, label=f"limit {limit}")
-    axes.set_xticks(frames)
-    sheet.key(axes, "upper left", ncols=3)

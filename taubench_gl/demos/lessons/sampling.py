@@ -9,35 +9,32 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, Parameter, Screens, swept
-from taubench_gl.demos.sheet import BLUE, RED, Sheet, enlarged, enlarged_frames, painted, reason_entries, rgb
-from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage, focal_px
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, Screens
+from taubench_gl.demos.sheet import BLUE, RED, Sheet, enlarged, enlarged_frames, painted, rgb
+from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage, built, focal_px
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.builder import turn, turn_y
-from taubench_gl.scene.model import Camera, Scene
+from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import MovingCamera, PairImages, limits
 
-Array = np.ndarray
 YFOV = np.radians(50.0)
 JITTER = 0.3
 PAGE_HEIGHT = 270
 SLANT = 20.0
-JITTERS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.45)
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """A slanted board in front of a wall, and a side wall at a grazing angle.  Nothing moves.
 
     The camera of the file turns by what is JITTER pixels in an image of PAGE_HEIGHT rows, for page and viewer.
     """
-    b = Props()
     b.wall(14.0, 9.0, LEAF, translation=(0, 0, -14))
     b.checkered(0.55, 6.0, (3, 30), (BRICK, SAND), translation=(-0.7, 0, -4), rotation=turn((0, 0, 1), SLANT))
     b.checkered(12.0, 9.0, (24, 18), (CHALK, SAND), translation=(2.2, 0, -12), rotation=turn_y(-90))
     b.light(translation=(-1.0, 1.5, 0.0), intensity=90.0)
     camera = b.camera(yfov=YFOV, znear=0.05)
     b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(-np.degrees(JITTER / focal_px(YFOV, PAGE_HEIGHT)))])
-    return b.build()
 
 
 def camera(jitter: float = JITTER) -> MovingCamera:
@@ -62,24 +59,18 @@ def distance(pair: PairImages, sampling: str) -> Array:
     return pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=sampling).distances["position"]
 
 
-OPENING = Opening((Reason.POSITION,), settings={"sampling": "bilinear"})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The discards of nearest and of bilinear sampling, and the distance of the history sample on the side wall."""
     pairs = {s: stage.bench.pair(scene(), camera=camera(), sampling=s) for s in ("nearest", "bilinear")}
-    frames = stage.pair(scene(), columns=("frustum", "color"))
-    color = frames.now["color"][..., :3]
+    color, sheet = lesson.pair.now["color"][..., :3], lesson.sheet
     width, height = stage.size
     part = (int(0.27 * width), int(0.35 * height), width // 7, height // 7)
-    sheet = Sheet(2, 1, width / height, below=330)
     details = {}
     for place, (sampling, pair) in enumerate(pairs.items()):
         title = f"{sampling}: an edge of the board, {part[2]} x {part[3]} pixels"
         details[sampling] = enlarged(discarded(color, pair), *part)
         sheet.panel(place, 0, details[sampling], title, f"{per_row(pair):.2f} px discarded per edge; correct: 0")
     _plot(sheet, pairs, height // 2)
-    sheet.legend(reason_entries(Reason.POSITION))
     wall = side_wall(pairs["nearest"])
     predicted = 100.0 * float(np.median(sample_distance(stage.size)[wall]))
     numbers = {
@@ -93,41 +84,28 @@ def run(stage: Stage) -> Measured:
             Expected.near(predicted, 0.02 * predicted),
         ),
     }
-    screens = Screens(details["bilinear"], enlarged_frames(frames, *part))
-    return Measured(numbers, sheet, _jitter(stage, color, part), screens=screens)
+
+    def at(jitter: float) -> tuple[Array, float, float, float]:
+        """With an offset of ``jitter`` pixels: the discards of nearest sampling."""
+        pair = stage.bench.pair(scene(), camera=camera(jitter), sampling="nearest")
+        slack = 4.0 * theory.share_deviation(jitter, 2.0 * height)
+        return enlarged(discarded(color, pair), *part), per_row(pair), jitter, slack
+
+    screens = Screens(details["bilinear"], enlarged_frames(lesson.pair, *part))
+    return Measured(numbers, lesson.swept(at), screens)
 
 
 def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
     """Plot the distance of the history sample on the side wall along a row of pixels."""
     wall = side_wall(pairs["nearest"])[row]
     columns = np.nonzero(wall)[0]
-    axes = sheet.plot(
-        88, sheet.grid_bottom + 40, 1150, 220, xlabel="pixel of the middle row; the side wall is the more grazing the "
-        "farther to the left", ylabel="distance, cm", title="The side wall: distance of the history sample",
-    )  # fmt: skip
+    axes = sheet.plot("distance")
     size = pairs["nearest"].mask.shape[::-1]
     axes.plot(columns, 100.0 * sample_distance(size)[row, columns], color="#777777", linewidth=5, alpha=0.5,
               label="theory, nearest: two rays")  # fmt: skip
     for sampling, color in (("nearest", RED), ("bilinear", BLUE)):
         axes.plot(columns, 100.0 * distance(pairs[sampling], sampling)[row, columns], color=color, linewidth=2,
                   label=sampling)  # fmt: skip
-    sheet.key(axes, "upper right")
-
-
-def _jitter(stage: Stage, color: Array, part: tuple[int, int, int, int]) -> Parameter:
-    """The offset of the sample: discards of nearest sampling in a ``part`` of the image ``color`` (h, w, 3)."""
-    height = stage.size[1]
-
-    def at(jitter: float) -> tuple[Array, float, float, float]:
-        pair = stage.bench.pair(scene(), camera=camera(jitter), sampling="nearest")
-        return (
-            enlarged(discarded(color, pair), *part),
-            per_row(pair),
-            jitter,
-            4.0 * theory.share_deviation(jitter, 2.0 * height),
-        )
-
-    return swept(JITTERS, at, start=JITTER)
 
 
 def discarded(color: Array, pair: PairImages) -> Array:
@@ -138,10 +116,9 @@ def discarded(color: Array, pair: PairImages) -> Array:
 def side_wall(pair: PairImages) -> Array:
     """Pixels of the side wall whose neighbors also show it.  (h, w) bool."""
     wall = pair.surface & (np.abs(pair.current["normal"][..., 0]) > 0.9)
-    inner = wall.copy()
-    inner[:, 2:-2] &= wall[:, :-4] & wall[:, 4:]
-    inner[:, :2] = inner[:, -2:] = False
-    return inner
+    from scipy.ndimage import binary_erosion
+
+    return binary_erosion(wall, [[True, False, True, False, True]])
 
 
 def sample_distance(size: tuple[int, int]) -> Array:

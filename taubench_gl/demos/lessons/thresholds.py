@@ -6,14 +6,14 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Measured, Opening, threshold_parameter
-from taubench_gl.demos.sheet import BLACK, Sheet, gray_image, note, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import BRICK, CHALK, GOLD, LEAF, SAND, Props, Stage
+from taubench_gl.demos.demo import Array, Expected, Lesson, Measured, beyond
+from taubench_gl.demos.sheet import BLACK, Sheet, gray_image, overlay
+from taubench_gl.demos.stage import BRICK, CHALK, GOLD, LEAF, SAND, Props, Stage, built
 from taubench_gl.report.palette import hex_of
 from taubench_gl.report.run_plots import discard_curve
-from taubench_gl.scene.model import Scene
+from taubench_gl.scene.model import Camera
+from taubench_gl.selftest.bench import to_pixels
 
-Array = np.ndarray
 Size = tuple[int, int]
 YFOV = np.radians(45.0)
 WALL, KEYS = -6.0, -4.8
@@ -29,9 +29,9 @@ def places() -> Array:
     return np.stack([x, y, np.full(8, KEYS)], axis=-1)
 
 
-def scene() -> Scene:
+@built
+def scene(b: Props) -> None:
     """Eight square keys in front of a wall; in one second each approaches by its own step, 1 cm to 128 cm."""
-    b = Props()
     b.wall(9.0, 6.0, CHALK, translation=(0, 0, WALL))
     colors = (SAND, BRICK, GOLD, LEAF)
     for i, (place, step) in enumerate(zip(places(), STEPS_CM)):
@@ -39,7 +39,6 @@ def scene() -> Scene:
         b.animate(key, "translation", [0.0, 1.0], [place, place + [0, 0, step / 100]])
     b.light(translation=(1.0, 2.5, 0.0), intensity=60.0)
     b.camera(yfov=YFOV, znear=0.05)
-    return b.build()
 
 
 def distances(size: Size) -> Array:
@@ -56,80 +55,52 @@ def distances(size: Size) -> Array:
     return np.linalg.norm(rays, axis=-1) * np.abs(depths[1] - depths[0])
 
 
-OPENING = Opening((Reason.POSITION,), settings={"shadow_lights": 0})
-
-
-def run(stage: Stage) -> Measured:
+def run(stage: Stage, lesson: Lesson) -> Measured:
     """The masks of three thresholds, and the curve of all."""
-    results, masks = {}, {}
-    for threshold in SHOWN.values():
-        results[threshold], pairs = stage.evaluate(
-            scene(), columns=("frustum", "position", "color"), thresholds={"position": threshold}, shadow_lights=0,
-        )  # fmt: skip
-        masks[threshold] = pairs[0]
-    summary = results[DEFAULT_THRESHOLD].summary
-    edges, percent = discard_curve(summary["curves"]["position"], stage.pixels)
-    expected = distances(stage.size)
-    sheet = Sheet(3, 1, stage.size[0] / stage.size[1], below=356)
-    for place, threshold in enumerate(SHOWN.values()):
-        pair = masks[threshold]
+    columns, runs, masks = ("frustum", "position", "color"), {}, {}
+    for name, threshold in SHOWN.items():
+        settings = {"columns": columns, "thresholds": {"position": threshold}, "shadow_lights": 0}
+        runs[name], (masks[threshold],) = stage.evaluate(scene(), **settings)
+    edges, percent = discard_curve(runs["paper"].summary["curves"]["position"], stage.pixels)
+    expected, sheet = distances(stage.size), lesson.sheet
+    for place, (threshold, pair) in enumerate(masks.items()):
         marked = overlay(pair.mask, pair.now["color"], Reason.POSITION)
-        axes = sheet.panel(place, 0, marked, f"threshold {100 * threshold:.3g} cm" + _whose(threshold))
-        note(axes, f"{pair.percent(Reason.POSITION):.2f} % discarded")
+        whose = ", the paper's 32/255 m" if threshold == DEFAULT_THRESHOLD else ""
+        text = f"{pair.percent(Reason.POSITION):.2f} % discarded"
+        axes = sheet.panel(place, 0, marked, f"threshold {100 * threshold:.3g} cm{whose}", text)
         _name_keys(axes, stage.size)
     _staircase(sheet, edges, percent, expected, masks)
-    sheet.legend([*reason_entries(Reason.POSITION)])
     numbers = {}
     for name in ("paper", "cm_3", "cm_50"):
         numbers[name] = masks[SHOWN[name]].percent(Reason.POSITION), Expected.share(expected > SHOWN[name])
     # At a bin edge the curve and a mask with that threshold count the same pixels.
     at = int(np.argmin(np.abs(edges - 0.25)))
-    exact = stage.pair(scene(), columns=("frustum", "position"), thresholds={"position": _just_below(edges[at])})
+    # A mask discards greater distances, a bin holds distances from its edge on.
+    below = float(np.nextafter(np.float32(edges[at]), np.float32(0)))
+    exact = stage.pair(scene(), columns=("frustum", "position"), thresholds={"position": below})
     off = abs(round(percent[at] / 100 * stage.pixels) - int(exact.has(Reason.POSITION).sum()))
     numbers["curve"] = float(off), Expected.near(0.0, 0.0, 0)
-    pair = masks[DEFAULT_THRESHOLD]
-    moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
-    parameter = threshold_parameter(
-        moved, np.geomspace(0.005, 2.0, 53), expected, gray_image(pair), rgb(Reason.POSITION), start=DEFAULT_THRESHOLD
-    )
-    return Measured(numbers, sheet, parameter)
-
-
-def _just_below(value: float) -> float:
-    """The float32 below ``value``: a mask discards greater distances, a bin holds distances from its edge on."""
-    return float(np.nextafter(np.float32(value), np.float32(0)))
-
-
-def _whose(threshold: float) -> str:
-    """The words that mark the paper's threshold."""
-    return ", the paper's 32/255 m" if threshold == DEFAULT_THRESHOLD else ""
+    moved, gray = lesson.pair.change("position"), gray_image(lesson.pair)
+    return Measured(numbers, lesson.threshold(moved, gray, beyond(expected), Reason.POSITION))
 
 
 def _name_keys(axes: object, size: Size) -> None:
     """Write on each key of a panel by how many centimeters it moves."""
-    focal = 0.5 * size[1] / np.tan(0.5 * YFOV)
     for place, step in zip(places(), STEPS_CM):
-        depth = -(place[2] + step / 100)
-        x = 0.5 * size[0] - 0.5 + focal * place[0] / depth
-        y = 0.5 * size[1] - 0.5 - focal * place[1] / depth
-        axes.text(x, y, str(step), color="white", fontsize=12, fontweight="bold", ha="center", va="center")
+        at = to_pixels(place + [0, 0, step / 100], size, Camera(yfov=YFOV))
+        axes.text(*at, str(step), color="white", fontsize=12, fontweight="bold", ha="center", va="center")
 
 
 def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, masks: dict) -> None:
     """Plot the recorded discard rate against the threshold, with its theory and the counts of the masks."""
-    axes = sheet.plot(
-        80, sheet.grid_bottom + 46, 1160, 240, xscale="log", xlim=(0.004, 3.0), ylim=(0, 1.08 * percent.max()),
-        xlabel="position threshold, meters", ylabel="discarded, %",
-        title="Discard rate at each threshold",
-    )  # fmt: skip
+    axes = sheet.plot("rate")
+    axes.set_ylim(0, 1.08 * percent.max())
     axes.plot(edges, percent, color=hex_of("position"), linewidth=2.6, label="recorded by the run")
     line = np.logspace(-2.4, 0.5, 1200)
-    ordered = np.sort(expected.ravel())
-    share = 100.0 * (1.0 - np.searchsorted(ordered, line, side="right") / ordered.size)
+    share = theory.shares_above(expected, line)
     axes.plot(line, share, color=BLACK, linewidth=1.4, linestyle="--", label="theory: ray-square intersection")
     for threshold, pair in masks.items():
         value = pair.percent(Reason.POSITION)
         axes.plot([threshold], [value], "o", color=hex_of("position"), markeredgecolor="black", markersize=9, zorder=5)
         name = "32/255" if threshold == DEFAULT_THRESHOLD else f"{threshold:g}"
         axes.annotate(f"{name} m: {value:.1f} %", (threshold, value), (8, 9), textcoords="offset points", fontsize=12)
-    sheet.key(axes, "upper right")

@@ -51,8 +51,9 @@ GROUP = 64
 
 
 def deform_passes(*, previous: bool, flat: bool, vertices: int, groups: tuple[int, int] = (1, 1)) -> list[Pass]:
-    """``previous``: also pose the frame before; ``flat``: some posed primitive has no normals; ``vertices``: of the
-    posed pool; ``groups``: work groups of both passes."""
+    """Declarations of the passes that pose vertices.  ``previous``: also pose the frame before; ``flat``: some posed
+    primitive has no normals; ``vertices``: of the posed pool; ``groups``: work groups of both passes.
+    """
 
     def pose(name: str, count: int) -> ComputePass:
         p = ComputePass("deform", (f"deform/{name}.comp.glsl",)).glsl(f"const uint NOTHING = {NOTHING}u;")

@@ -128,8 +128,8 @@ class GBufferPass(Owner):
         self._raster = context.raster(declaration)
         self._channels = tuple(channel for channel, *_ in declaration.outputs)
         # The pre-pass is the same in every scene and depends on the view: it is no part of a scene's resources.
-        self._own = self.own(GpuContext(context.gpu))
-        self._prepass = self._own.raster(geometry_pass("gbuffer", "gbuffer/depth.frag.glsl"))
+        self._prepass_context = self.own(GpuContext(context.gpu))
+        self._prepass = self._prepass_context.raster(geometry_pass("gbuffer", "gbuffer/depth.frag.glsl"))
         self._frame = self.own(context.gpu.ctx.buffer(reserve=FRAME.dtype.itemsize, dynamic=True))
         self._depth: moderngl.Framebuffer | None = None
 

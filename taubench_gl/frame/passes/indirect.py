@@ -79,7 +79,7 @@ BRICKS = GRID // 4
 """Bricks of 4 x 4 x 4 voxels along a side: the strides of visibility rays."""
 
 SCALE = 8
-"""Method rsm gathers at every 8th pixel of both axes."""
+"""Pixels from one gathered pixel to the next, along both axes, in method rsm."""
 
 MIN_TEXELS = 4
 """Texels along a side of a reflective shadow map: fewer miss what is near a light, which patches do not."""

@@ -112,8 +112,9 @@ def _each_value(features: Sequence[Feature]) -> str:
 def mask_pass(
     options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, images: bool = False, vectors: bool = False
 ) -> ComputePass:
-    """``images``: read geometry channels, of 32-bit floats, as images; ``vectors``: motion reprojection samples history
-    where the texture ``vectors`` points, that of stored motion."""
+    """The declaration of the mask pass.  ``images``: read geometry channels, of 32-bit floats, as images; ``vectors``:
+    motion reprojection samples history where the texture ``vectors`` points, that of stored motion.
+    """
     group, each = tuning.mask_group
     features = [f"const int FEATURE_{name.upper()} = {i};" for i, name in enumerate(FEATURES)]
     geometry = options.geometry()
@@ -196,11 +197,11 @@ class MaskPass(Owner):
         context: GpuContext,
         source: ComparedSource,
         settings: Settings,
-        **asked: Unpack[Comparison],
+        **options: Unpack[Comparison],
     ) -> MaskPass:
-        """The mask pass of ``source`` with the metric of ``settings``; ``asked``: what differs from its defaults."""
-        reprojection, radiance = asked.get("reprojection"), asked.get("radiance")
-        images, absent = asked.get("images", False), asked.get("absent", False)
+        """The mask pass of ``source`` with the metric of ``settings``; ``options``: what differs from its defaults."""
+        reprojection, radiance = options.get("reprojection"), options.get("radiance")
+        images, absent = options.get("images", False), options.get("absent", False)
         options = MaskOptions(
             reprojection=source.reprojection if reprojection is None else reprojection,
             sampling=settings.metrics.sampling,
@@ -208,10 +209,10 @@ class MaskPass(Owner):
             others=source.others,
             cuts=source.cuts or absent,
             absent=absent,
-            both=asked.get("both", False),
+            both=options.get("both", False),
             write_mask=images,
             write_motion=images,
-            write_distances=asked.get("distances", False),
+            write_distances=options.get("distances", False),
         )
         return cls(context, source.size, options)
 

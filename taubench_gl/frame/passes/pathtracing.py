@@ -426,7 +426,9 @@ class PathTracing(Owner):
             self.tables[name].write(payload)
 
     def _punctual_cells(self, frame: FrameContext) -> tuple[Array, Array]:
-        """As ``cell_choice``, of the rows of the light table."""
+        """What ``cell_choice`` returns for the punctual lights of ``frame``, whose entries name rows of the light
+        table.
+        """
         lights = frame.light_rows[: len(self._spec.light_kinds)]
         power = lights["color"][:, :3].max(axis=-1)
         at = lights["position"][:, :3] + frame.view.position
@@ -456,7 +458,8 @@ class PathTracing(Owner):
         ``part_table``.  A pixel may be listed more than once.  (n, samples, k, 3) float32, radiance of the k
         ``listed_lobes``; light without noise is part of every sample.
         """
-        if self._noiseless(frame) and len(samples) > 1:
+        noiseless = self._noiseless(frame)
+        if noiseless and len(samples) > 1:
             light = self.listed_light(frame, pixels, keys, samples[:1], parts=parts)
             return np.broadcast_to(light, (len(light), len(samples), *light.shape[2:]))
         count, size, lobes = len(pixels), self._tile[0] * self._tile[1], len(self.lobes)
@@ -468,7 +471,7 @@ class PathTracing(Owner):
             table = range(first, min((first // TABLE_ROWS + 1) * TABLE_ROWS, samples.stop))
             end = min(done + size, (table.stop - samples.start) * count)
             number, pixel = divmod(np.arange(done, end), count)
-            row = self._table_row(first, parts) + number - done // count
+            row = (0 if noiseless else self._table_row(first, parts)) + number - done // count
             rows = -(-(end - done) // self._tile[0])
             entries = np.full((min(self._tile[0] * (rows + LIST_MARGIN), size), 4), NO_PIXEL, dtype=np.uint32)
             columns = (packed[0][pixel], packed[1][pixel], row, number == 0)
@@ -499,30 +502,32 @@ class PathTracing(Owner):
         self._trace_paths(frame, resources, rows=rows, samples_before=0)
         passes["resolve"].run(frame, resources, rows=rows, sample_count=1)
 
-    def _trace(self, frame: FrameContext, resources: dict, where: dict[str, Any]) -> None:
+    def _trace(self, frame: FrameContext, resources: dict, place: dict[str, Any]) -> None:
         passes = self._passes
-        passes["anchor"].run(frame, resources, **where)
+        passes["anchor"].run(frame, resources, **place)
         for before in self._rays:
-            passes["exact"].run(frame, resources, **where, again=before > 0, rays_before=before)
+            passes["exact"].run(frame, resources, **place, again=before > 0, rays_before=before)
         for k in range(self.sample_count):
             row = self._table_row(self.first_sample + k)
             if "subpath" in passes:
-                passes["subpath"].run(frame, resources, **where, sample_row=row)
-            self._trace_paths(frame, resources, samples_before=k, **where, sample_row=row)
-        passes["resolve"].run(frame, resources, **where, sample_count=self.sample_count)
+                passes["subpath"].run(frame, resources, **place, sample_row=row)
+            self._trace_paths(frame, resources, samples_before=k, **place, sample_row=row)
+        passes["resolve"].run(frame, resources, **place, sample_count=self.sample_count)
 
     def _trace_paths(
-        self, frame: FrameContext, resources: dict, samples_before: int, rows: int | None = None, **where: Any
+        self, frame: FrameContext, resources: dict, samples_before: int, rows: int | None = None, **place: Any
     ) -> None:
-        """One sample of every path of a tile, or of its first ``rows``."""
-        where["odd_sample"] = self._odd_sample
-        self._passes["start"].run(frame, resources, rows=rows, samples_before=samples_before, **where)
+        """Trace one sample of every path of a tile, or of its first ``rows``.  ``place``: uniforms that say where the
+        tile lies and which numbers it has.
+        """
+        place["odd_sample"] = self._odd_sample
+        self._passes["start"].run(frame, resources, rows=rows, samples_before=samples_before, **place)
         if self._spec.pattern == "fixed":
-            where.pop("tile_origin", None)  # where a pixel lies matters for its numbers alone
+            place.pop("tile_origin", None)  # where a pixel lies matters for its numbers alone
         for vertex in range(1, vertices(self._spec) + 1):
             byte = 16 * (self._odd_sample * path_lists(self._spec) + vertex)
             at = "going_on_counts", byte
-            self._passes["extend"].run(frame, resources, at, again=vertex > 1, vertex=vertex, **where)
+            self._passes["extend"].run(frame, resources, at, again=vertex > 1, vertex=vertex, **place)
         self._odd_sample = 1 - self._odd_sample
 
     def _table_row(self, sample: int, parts: bool = False) -> int:

@@ -74,7 +74,7 @@ def _compiled(function: Callable) -> Callable:
 
 
 _inlined = njit(inline="always")
-"""Of what the builder calls for every node: calls between compiled functions took a quarter of the time."""
+"""Decorates what the builder calls for every node: calls between compiled functions took a quarter of the time."""
 
 
 def build(low: Array, high: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
@@ -98,10 +98,10 @@ def _build(boxes: Array, leaf: int, watch: Callable[[int], None] = lambda done: 
     nodes_of, order = np.empty((size, 8), np.float32), np.arange(n, dtype=np.int32)
     right, first, count = (np.empty(size, np.int32) for _ in range(3))
     # Ranges still to do: begin, end, depth, node whose second child this is (-1: none).
-    stack, state = np.empty((MAX_DEPTH + 64, 4), np.int64), np.array([1, 0, 0])
+    stack, state, spare = np.empty((MAX_DEPTH + 64, 4), np.int64), np.array([1, 0, 0]), np.empty(n, np.int32)
     stack[0] = 0, n, 0, -1
     while state[0]:
-        _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state)
+        _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state, spare)
         watch(int(state[2]))
     nodes = state[1]
     # Views: what lies behind them was never touched and takes no memory, copies would at the moment when most is taken.
@@ -275,16 +275,16 @@ def _push(stack, top, begin, end, depth, parent):
 
 
 @_compiled
-def _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state):
+def _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state, spare):
     """Add nodes until AT_ONCE more boxes have their leaf, or all have.
 
-    ``state``: ranges in ``stack``, nodes so far, and boxes that have their leaf.
+    ``state``: ranges in ``stack``, nodes so far, and boxes that have their leaf; ``spare`` (T,): room.
     """
     top, nodes, done, end_of_call = state[0], state[1], state[2], state[2] + AT_ONCE
     at, bin_of = np.empty(FEW, np.int32), np.empty(FEW, np.int64)
     bins, counts = np.empty((3, BINS, 8), np.float32), np.empty((3, BINS), np.int64)
     areas, run = np.empty(max(BINS, FEW)), np.empty(8, np.float32)
-    center_low, scale, spare = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(len(boxes), np.int32)
+    center_low, scale = np.empty(3, np.float32), np.empty(3, np.float32)
     while top > 0 and done < end_of_call:
         top -= 1
         begin, end, depth, parent = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]

@@ -154,7 +154,7 @@ def _across(corners: Array) -> Array:
 
 
 def _cofactor(m: Array) -> Array:
-    """Takes area vectors along with ``m`` (3, 3)."""
+    """Cofactors (3, 3) of ``m`` (3, 3): they turn area vectors where ``m`` turns points."""
     return np.stack([np.cross(m[1], m[2]), np.cross(m[2], m[0]), np.cross(m[0], m[1])])
 
 
@@ -173,7 +173,7 @@ class _Brightness:
         self._pyramids: dict[tuple[int, tuple[float, float, float]], list[Array]] = {}
 
     def of(self, draw: Draw) -> Array:
-        """(T,) or () float64."""
+        """Mean luminance of the emission of ``draw``'s triangles, (T,) float64; () where all of them have the same."""
         key = draw.mesh, draw.primitive
         if key not in self._known:
             primitive = self._scene.meshes[draw.mesh].primitives[draw.primitive]

@@ -287,7 +287,9 @@ def build_tables(
     options: HitOptions,
     emitters: Array,
 ) -> HitTables:
-    """``pools``: by whether they are posed; ``emitters``: rows of ``EMITTER``."""
+    """The tables of ``draws``.  ``pools``: vertex pools by whether they are posed; ``emitters``: rows of
+    ``EMITTER``.
+    """
     table = Texels(row_bits=ROW_BITS)
     materials = (Material(), *scene.materials)
     rows, slots = material_texels(materials, atlas, options)

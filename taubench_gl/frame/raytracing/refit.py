@@ -39,7 +39,9 @@ MARGIN = 1.01
 
 
 def refit_passes(leaves: int, heights: list[int]) -> list[ComputePass]:
-    """``leaves`` of all trees; ``heights``: inner nodes of each height from 1 on."""
+    """Declarations of the passes that renew trees.  ``leaves``: of all trees; ``heights``: inner nodes of each height
+    from 1 on.
+    """
     leaf = (
         ComputePass("refit", ("raytracing/refit_leaves.comp.glsl",))
         .glsl(texels.GLSL)

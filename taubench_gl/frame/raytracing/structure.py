@@ -91,8 +91,8 @@ class SceneStructure:
     def _hold(self) -> Held[StoredTrees]:
         """Trees with room for the top levels of this structure: those of another structure where nothing deforms."""
         if self._posed:
-            own = self._make()
-            return Held(own, own.release)
+            trees = self._make()
+            return Held(trees, trees.release)
         scene, shared = self._scene, self._gpu.shared
         key = id(scene.meshes), id(scene.channels), self._alpha.tobytes()
         for copy in itertools.count():

@@ -53,7 +53,7 @@ const int TRACE_LEAF_COUNT_SHIFT = {LEAF_COUNT_SHIFT};"""
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """grid = (space - center) * scale, along each axis."""
+    """The map from the space of a tree to its grid: grid = (space - center) * scale, along each axis."""
 
     center: Array  # (3,) float64
     scale: Array  # (3,) float64
@@ -98,10 +98,11 @@ def last_words(tree: Tree, first_triangle: int) -> Array:
 def node_texels(tree: Tree, first_triangle: int) -> Array:
     """Nodes of ``tree``, whose boxes are in grid units.  (N, 4) uint32."""
     out = np.empty((len(tree), 4), np.uint32)
-    for axis in range(3):
-        down = np.clip(np.floor(tree.low[:, axis]), -32768, 32767).astype(np.int16).view(np.uint16)
-        up = np.clip(np.ceil(tree.high[:, axis]), -32768, 32767).astype(np.int16).view(np.uint16)
-        out[:, axis] = down | up.astype(np.uint32) << 16
+    for at in range(0, len(tree), AT_ONCE):
+        part = slice(at, at + AT_ONCE)
+        down = np.clip(np.floor(tree.low[part]), -32768, 32767).astype(np.int16).view(np.uint16)
+        up = np.clip(np.ceil(tree.high[part]), -32768, 32767).astype(np.int16).view(np.uint16)
+        out[part, :3] = down | up.astype(np.uint32) << 16
     out[:, 3] = last_words(tree, first_triangle)
     return out
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import bpy
 
 LUMINANCE = (0.212671, 0.715160, 0.072169)
-"""Of linear RGB, by the specification of Collada 1.4.1."""
+"""Weights of linear RGB in luminance, by the specification of Collada 1.4.1."""
 
 
 def import_dae(source, losses):

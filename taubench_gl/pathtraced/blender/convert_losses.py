@@ -34,8 +34,8 @@ class Losses:
         out = []
         for loss, names in self._found.items():
             shown = ", ".join(sorted(names)[:MAX_NAMES])
-            more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
-            out.append(f"{loss} ({len(names)}: {shown}{more})" if names else loss)
+            others = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+            out.append(f"{loss} ({len(names)}: {shown}{others})" if names else loss)
         return out
 
     def of_scene(self, scene):

@@ -323,8 +323,8 @@ class Instances:
                     losses.add("instances of a type that glTF has no form for", [source.type.lower()])
                 continue
             parent = entry.parent
-            own = parent.type in CURVES and source.original == parent.original
-            if own and entry.matrix_world == parent.matrix_world:
+            of_curve = parent.type in CURVES and source.original == parent.original
+            if of_curve and entry.matrix_world == parent.matrix_world:
                 continue  # the mesh of the curve itself, which is a deformed object
             key = (parent.original.name, tuple(entry.persistent_id), source.original.name, source.type)
             if key not in self._poses and len(self._poses) >= MAX_INSTANCES:

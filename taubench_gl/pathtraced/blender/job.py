@@ -101,12 +101,12 @@ def _hidden(scene: Scene, state: FrameState) -> list[int]:
 
 
 def _shines(state: FrameState, node: int) -> bool:
-    """A light is off if its node is hidden or has scale 0, as in the rasterizer."""
+    """Whether the light of ``node`` is on: its node is neither hidden nor of scale 0, as in the rasterizer."""
     return bool(state.visible[node] and np.any(state.world[node, :3, :3] != 0.0))
 
 
 def _sun(sun: Sun, frame: int) -> dict[str, Any]:
-    """A still light of the job."""
+    """The sun of the environment as the job has a light that stands still."""
     z = -np.array(sun.direction)
     x = math3d.normalize(np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z))
     strongest = max(sun.irradiance)

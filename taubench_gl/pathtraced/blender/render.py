@@ -154,7 +154,9 @@ def _job_folder(out: Path) -> Iterator[Path]:
 
 
 def _is_complete(path: Path, size: tuple[int, int]) -> bool:
-    """The script renames frames when they are complete, so a valid header is enough."""
+    """Whether ``path`` is a frame of ``size``: the script renames frames when they are complete, so a valid header is
+    enough.
+    """
     try:
         return path.is_file() and read_header(path).size == tuple(size)
     except PathTracedError:
@@ -226,7 +228,7 @@ def _write_provenance(
 
 
 def _record_seconds(out: Path, frame: int, seconds: float) -> None:
-    """Written after each frame, so that an interrupted render keeps the times of its finished frames."""
+    """Record the seconds of a frame as soon as it is finished, so that an interrupted render keeps them."""
     values = _read_json(out / PROVENANCE_FILE)
     values.setdefault("frame_seconds", {})[str(frame)] = seconds
     write_atomically(out / PROVENANCE_FILE, json.dumps(values, indent=2) + "\n")

@@ -111,7 +111,9 @@ def place_camera(scene, job):
 
 
 def place_lights(scene, job):
-    """Punctual lights in glTF units.  Cycles divides watts by 4 pi, so a point light of I candela gets 4 pi I watts."""
+    """Add the punctual lights of the job, in glTF units.  Cycles divides watts by 4 pi, so a point light of I candela
+    gets 4 pi I watts.
+    """
     for index, light in enumerate(job["lights"]):
         kind = {"point": "POINT", "spot": "SPOT", "directional": "SUN"}[light["kind"]]
         data = bpy.data.lights.new(f"taubench {index}", kind)
@@ -152,7 +154,7 @@ def linear_keys(*owners):
 
 
 def light_sky(scene, color, image):
-    """Uniform radiance, or an equirectangular image: Blender's center of an image is +X too."""
+    """Light the scene by a uniform radiance, or an equirectangular image: Blender's center of an image is +X too."""
     world = bpy.data.worlds.new("taubench")
     scene.world = world
     world.use_nodes = True
@@ -187,7 +189,7 @@ def hide_back_faces():
 
 
 def scatter_once():
-    """Materials as glTF defines them: GGX without multiple scattering, no offset of shadow rays on smooth meshes."""
+    """Make materials what glTF defines: GGX without multiple scattering, no offset of shadow rays on smooth meshes."""
     for material in bpy.data.materials:
         for node in material.node_tree.nodes if material.use_nodes else ():
             if node.type == "BSDF_PRINCIPLED":
@@ -200,8 +202,9 @@ def scatter_once():
 
 
 def absorb_as_gltf(node):
-    """The importer writes color and 1 / distance of KHR_materials_volume, of which Cycles takes (1 - color) / distance;
-    the extension has -ln(color) / distance."""
+    """Correct the absorption of a volume: the importer writes color and 1 / distance of KHR_materials_volume, of which
+    Cycles takes (1 - color) / distance; the extension has -ln(color) / distance.
+    """
     color, density = node.inputs["Color"], node.inputs["Density"]
     if color.is_linked or density.is_linked:
         return
@@ -272,7 +275,7 @@ def hide(nodes):
 
 
 def render(scene, job, frame, folder):
-    """Write to a name that is no frame name, then rename: readers never see an incomplete frame."""
+    """Render ``frame`` to a name that is no frame name, then rename the file: readers never see an incomplete frame."""
     target = os.path.join(folder, job["name"] % frame)
     partial = os.path.join(folder, "." + os.path.basename(target) + ".partial.exr")
     scene.frame_set(frame)

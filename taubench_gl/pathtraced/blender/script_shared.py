@@ -31,7 +31,8 @@ def stop(code):
 
 
 def end_with_driver():
-    """The driver holds the other end of standard input and writes nothing: the end of input is the end of the driver.
+    """End this process with its driver, which holds the other end of standard input and writes nothing: the end of
+    input is the end of the driver.
 
     This also holds behind a wrapper script.  Where the driver is the parent, Linux kills this process at once, even if
     Blender keeps Python's threads from running.

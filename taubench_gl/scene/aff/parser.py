@@ -273,7 +273,7 @@ class Parser:
         self._collector(t, len(surface.positions)).add(surface, self._fill_number if material is None else material)
 
     def _collector(self, t: Tokens, vertices: int) -> Collector:
-        """That of the open block, to which so many vertices are added."""
+        """The collector of the open block, to which so many ``vertices`` are added."""
         self._vertices += vertices
         if self._vertices > MAX_VERTICES:
             raise t.error(f"the scene has more than {MAX_VERTICES} vertices", "every include adds its vertices again")

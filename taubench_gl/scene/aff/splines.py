@@ -333,7 +333,7 @@ def _inverse(q: Array) -> Array:
 
 
 def _exp(v: Array) -> Array:
-    """(..., 3) half angle times axis -> (..., 4) unit quaternion."""
+    """Unit quaternions (..., 4) of half angles times axes, (..., 3)."""
     angle = np.sqrt(np.sum(v * v, axis=-1, keepdims=True))
     return np.concatenate([v * np.sinc(angle / np.pi), np.cos(angle)], axis=-1)
 

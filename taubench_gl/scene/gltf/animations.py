@@ -164,9 +164,9 @@ class AnimationReader:
             if node in whole:
                 continue
             rest = np.zeros(self._weight_count(node))
-            given = self.document.root.nodes[node].weights
-            own = self.meshes[self.document.root.nodes[node].mesh].weights if given is None else given[: len(rest)]
-            rest[: len(own)] = own
+            json = self.document.root.nodes[node]
+            initial = self.meshes[json.mesh].weights if json.weights is None else json.weights[: len(rest)]
+            rest[: len(initial)] = initial
             times = parts[0].times
             if not all(np.array_equal(times, c.times) for c in parts):
                 times = np.unique(np.concatenate([c.times for c in parts]))

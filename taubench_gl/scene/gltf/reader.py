@@ -106,7 +106,7 @@ def _own_extras(document: Document) -> dict[str, Any]:
 
 
 def _texts(own_extras: dict[str, Any]) -> dict[str, str]:
-    """Its texts, each as one line."""
+    """Texts of ``own_extras`` by name, each as one line."""
     texts = {key: _one_line(text) for key, text in own_extras.items() if isinstance(text, str)}
     return {key: text for key, text in texts.items() if text}
 

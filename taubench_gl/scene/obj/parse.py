@@ -261,10 +261,10 @@ class _Lines:
         fan_label, drawn_label = label[owner[fans[:, 0]]], label[owner[drawn[:, 0]]]
         parts = []
         for value in np.unique(label).tolist():
-            own_fans = corners[fans[fan_label == value]]
-            own = own_fans if drawn is fans else corners[drawn[drawn_label == value]]
+            part_fans = corners[fans[fan_label == value]]
+            part_drawn = part_fans if drawn is fans else corners[drawn[drawn_label == value]]
             object_, material = divmod(value, len(materials[1]))
-            parts.append(Part(objects[1][object_], materials[1][material], own, own_fans))
+            parts.append(Part(objects[1][object_], materials[1][material], part_drawn, part_fans))
         return parts
 
     def _corners(self, rows: Array, sizes: Array) -> Array:

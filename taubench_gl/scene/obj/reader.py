@@ -128,7 +128,9 @@ def shapes(file: ObjFile) -> dict[str, Shape]:
 
 
 def _shape(file: ObjFile, parts: list[Part]) -> Shape:
-    """Relative indices: an object is unchanged if its indices move because another object grew."""
+    """The object of ``parts``, with indices relative to its lowest ones: it is unchanged if they move because another
+    object grew.
+    """
     joined = np.concatenate([p.corners.reshape(-1, 3) for p in parts])
     low, arrays = np.zeros(3, dtype=np.int64), []
     for column, values in enumerate((file.v, file.vt, file.vn)):

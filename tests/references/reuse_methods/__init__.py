@@ -8,6 +8,7 @@ of a point's previous position.
 # ruff: noqa: F403
 from __future__ import annotations
 
+from references.reuse_methods import restir  # noqa: F401
 from references.reuse_methods.asvgf import *
 from references.reuse_methods.bmfr import *
 from references.reuse_methods.caching import *

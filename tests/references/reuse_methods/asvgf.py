@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from references.reuse_methods.history import shifted
+from references.reuse_methods.history import sample_history, shifted
 from references.reuse_methods.svgf import (
     KERNEL,
     LUMINANCE_FLOOR,
@@ -121,15 +121,8 @@ def gradient_lambda(gradient: Array, size: tuple[int, int]) -> Array:
     ``size`` (width, height).  -> (h, w), row 0 at the top.
     """
     w, h = size
-    m, n = gradient.shape[:2]
-    x = np.clip((np.arange(w) - 1.0) / BLOCK, 0.0, n - 1)
-    y = np.clip((np.arange(h) - 1.0) / BLOCK, 0.0, m - 1)[::-1]
-    x0, y0 = np.minimum(x.astype(int), max(n - 2, 0)), np.minimum(y.astype(int), max(m - 2, 0))
-    x1, y1 = np.minimum(x0 + 1, n - 1), np.minimum(y0 + 1, m - 1)
-    fx, fy = (x - x0)[None, :, None], (y - y0)[:, None, None]
-    low = gradient[y0[:, None], x0] * (1 - fx) + gradient[y0[:, None], x1] * fx
-    high = gradient[y1[:, None], x0] * (1 - fx) + gradient[y1[:, None], x1] * fx
-    g = low * (1 - fy) + high * fy
+    up = np.stack(np.meshgrid(np.arange(w), np.arange(h)), axis=-1)
+    g = sample_history(gradient, (up - 1.0) / BLOCK)[::-1]
     return np.where(g[..., 1] > 0, np.minimum(np.abs(g[..., 0]) / np.where(g[..., 1] > 0, g[..., 1], 1.0), 1.0), 0.0)
 
 

@@ -6,12 +6,12 @@ Unlike in the other modules, row 0 of images and points is at the bottom and y p
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from references.reuse_methods.history import inside, nearest_surface, neighbors, shifted
+from references.reuse_methods.history import inside, nearest_surface, neighbors, sample_history, shifted
 from references.reuse_methods.taa import rgb_from_ycocg, ycocg_from_rgb
 from taubench_gl.srgb import LUMINANCE
 
@@ -72,11 +72,6 @@ def _taps(at: Array):
         yield base + offset, np.where(offset == 1, f, 1 - f).prod(axis=-1)
 
 
-def bilinear(values: Array, at: Array) -> Array:
-    """(h, w, c) at points -> (..., c)."""
-    return sum(weight[..., None] * fetch(values, point) for point, weight in _taps(at))
-
-
 def _inside(at: Array, size: tuple[int, int]) -> Array:
     return np.all((at >= 0) & (at < np.array(size)), axis=-1)
 
@@ -108,7 +103,7 @@ def fsr2_block_luminance(radiance: Array) -> Array:
 
 def fsr2_shading_luminance(blocks: Array, at: Array) -> Array:
     """Geometric mean luminance around points ``at`` of the inputs, bilinear between the centers of blocks."""
-    return np.exp(bilinear(blocks[..., None], (at + 0.5) / BLOCK - 0.5)[..., 0])
+    return np.exp(sample_history(blocks[..., None], (at + 0.5) / BLOCK - 0.5)[..., 0])
 
 
 def fsr2_dilate(depth: Array, values: Mapping[str, Array]) -> dict[str, Array]:
@@ -148,7 +143,7 @@ def fsr2_motion_divergence(motion: Array, dilated: Mapping[str, Array], before: 
     """
     share = motion / np.array(grids.inputs)
     most, least = np.linalg.norm(share, axis=-1), np.ones(motion.shape[:2])
-    for other in _around(share):
+    for other in neighbors(share).values():  # rows from the bottom, as in the shader
         most = np.maximum(most, np.linalg.norm(other, axis=-1))
         least = np.minimum(least, (other * share).sum(axis=-1) / np.maximum(most, 1e-12) ** 2)
     space = np.clip(1 - least, 0, 1) * np.clip(most / FULL_SHARE, 0, 1)
@@ -157,20 +152,13 @@ def fsr2_motion_divergence(motion: Array, dilated: Mapping[str, Array], before: 
         return space
     moved = dilated["motion"]
     at = np.clip(pixels(grids.inputs) + moved, 0, np.array(grids.inputs) - 1)
-    lengths = [np.linalg.norm(m / np.array(grids.inputs), axis=-1) for m in (bilinear(before, at), moved)]
+    lengths = [np.linalg.norm(m / np.array(grids.inputs), axis=-1) for m in (sample_history(before, at), moved)]
     slower = np.clip(lengths[0] / np.maximum(lengths[1], 1e-12), 0, 1)
     distance = np.linalg.norm(moved * grids.scale, axis=-1)
     time = np.where(distance > 1, (1 - slower) * np.clip((distance / 20) ** 3, 0, 1), 0.0)
-    depths = np.stack(list(_around(dilated["depth"])))
+    depths = np.stack(list(neighbors(dilated["depth"][..., None]).values()))[..., 0]
     step = np.where((depths > 0).all(axis=0), 1 - depths.min(axis=0) / np.maximum(depths.max(axis=0), 1e-12), 0.0)
     return np.maximum(space, np.clip(time - step, 0, 1))
-
-
-def _around(values: Array) -> Iterator[Array]:
-    """Yield ``values`` at the 3x3 pixels around each pixel, rows from the bottom, the border repeated."""
-    own = pixels(values.shape[1::-1])
-    for i in range(9):
-        yield fetch(values, own + [i % 3 - 1, i // 3 - 1])
 
 
 def fsr2_thin_features(luminance: Array, ratio: float) -> Array:
@@ -323,15 +311,15 @@ def fsr2_accumulate(
     sample = np.floor(pixel + 0.5)
     motion = fetch(frame.motion, sample) * grids.scale
     moving = np.clip(10 * np.linalg.norm(motion, axis=-1), 0, 1)
-    clear = np.clip(bilinear(frame.clear[..., None], pixel)[..., 0], 0, 1)
+    clear = np.clip(sample_history(frame.clear[..., None], pixel)[..., 0], 0, 1)
     reactivity = 1 - (1 - fetch(frame.reactive, sample)) ** 3
-    composed = bilinear(frame.transparency[..., None], pixel)[..., 0]
+    composed = sample_history(frame.transparency[..., None], pixel)[..., 0]
     exists = inside(p + motion, grids.output) & (before is not None)
     color, lock, earlier = np.zeros((*p.shape[:2], 4)), np.zeros((*p.shape[:2], 3)), np.zeros((*p.shape[:2], 4))
     if before is not None:
         there, known = p + np.where(exists[..., None], motion, 0), exists[..., None]
         color = np.where(known, fsr2_sample_history(before.color, there), 0)
-        lock = np.where(known, bilinear(before.lock, there), 0)
+        lock = np.where(known, sample_history(before.lock, there), 0)
         earlier = np.where(known, fetch(before.luminances, np.floor(there + 0.5)), 0)
     life, luminance, trust = (lock[..., i] for i in range(3))
     shading = fsr2_shading_luminance(frame.blocks, at)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from references.brdf_sampling import basis_around as tangents
 from references.reuse_methods.history import consistent_blend, inside, sample_history, shifted
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.srgb import LUMINANCE
@@ -36,15 +37,6 @@ def disk_offset(i: int, angle: Array) -> Array:
     """Tap i of a Vogel spiral in the unit disk.  (...) -> (..., 2)."""
     a = angle + 2.399963230 * i
     return np.sqrt((i + 0.5) / TAPS) * np.stack([np.cos(a), np.sin(a)], axis=-1)
-
-
-def tangents(normal: Array) -> tuple[Array, Array]:
-    """Duff et al. 2017, Building an Orthonormal Basis, Revisited.  (..., 3) -> (..., 3), (..., 3)."""
-    x, y, z = np.moveaxis(normal, -1, 0)
-    s = np.where(z >= 0, 1.0, -1.0)
-    a = -1.0 / np.where(np.abs(s + z) > 0, s + z, 1.0)
-    c = x * y * a
-    return np.stack([1 + s * x * x * a, s * c, -s * x], axis=-1), np.stack([c, s + y * y * a, -y], axis=-1)
 
 
 def hit_factor(hit: Array, frustum: Array) -> Array:

@@ -26,19 +26,33 @@ def image_of(uri: str) -> np.ndarray:
 
 
 class Tags(HTMLParser):
-    """``tags``: name and attributes of each element of a page; ``text``: all of its text."""
+    """``tags``: name and attributes of each element of a page; ``text``: all of its text; ``open``: not closed."""
+
+    VOID = ("meta", "link", "img", "br", "input")
 
     def __init__(self, page: str):
         super().__init__()
         self.tags: list[tuple[str, dict]] = []
-        self.text = ""
+        self.text, self.open = "", []
         self.feed(page)
 
     def handle_starttag(self, tag, attrs):
         self.tags.append((tag, dict(attrs)))
+        self.open += [tag] * (tag not in self.VOID)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag, f"</{tag}> closes another element"
 
     def handle_data(self, data):
         self.text += data
+
+    @property
+    def addresses(self) -> list[str]:
+        """What the elements load or link to."""
+        return [v for _, a in self.tags for k, v in a.items() if k in ("src", "href", "srcset", "data", "action") and v]
 
     @property
     def names(self) -> list[str]:
@@ -48,15 +62,15 @@ class Tags(HTMLParser):
         return next(a["content"] for _, a in self.tags if a.get("http-equiv") == "Content-Security-Policy")
 
 
-def opened(browser: Any, file: Path, **options: Any) -> Iterator[Any]:
-    """Opens a page and checks that it causes no console error, no exception and no request but its own file."""
+def opened(browser: Any, file: Path, place: str = "", **options: Any) -> Iterator[Any]:
+    """Opens a page at ``#place`` and checks that it causes no console error, no exception and no request but files."""
     usual = {"viewport": {"width": 1100, "height": 900}, "color_scheme": "light", "reduced_motion": "reduce"}
     context = browser.new_context(**usual | options)
     page, faults = context.new_page(), []
     page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
     page.on("pageerror", lambda e: faults.append(str(e)))
     page.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else faults.append(r.url))
-    page.goto(file.as_uri())
+    page.goto(file.as_uri() + place)
     if page.locator(".stage").count():
         page.wait_for_selector(".stage[data-frame]")
     yield page
