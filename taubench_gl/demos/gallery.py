@@ -115,25 +115,25 @@ def demo_page(
             "next": after and f"{after.stem}.html",
             "lecture": bool(lecture),
         },
-        footer=(macro("footer", DEMO)(_links(around, lecture), __version__),),
+        footer=(macro("footer", DEMO)(around, lambda d: _place(d, lecture), __version__),),
     )  # fmt: skip
 
-    def step(name: str, title: str, part: str, *values: Any, link: str | None = None) -> None:
+    def step(name: str, title: str, *values: Any, link: str | None = None) -> None:
         spoken = [(getattr(part, name), i + 1) for i, part in enumerate(lecture) if part.demo == demo.name]
         notes = [macro("notes", DEMO)(text, i, len(lecture), minutes_text(lecture[:i])) for text, i in spoken]
-        page.add(name, title, macro(part, DEMO)(*values), *notes, link=link, step=True)
+        page.add(name, title, macro(name, DEMO)(*values), *notes, link=link, step=True)
 
-    step("idea", "", "idea", demo, screens)
+    step("idea", "", demo, screens)
     screen = result.screens
     key = [] if screen else [(label_of(m), hex_of(color_of(m))) for m in demo.text.opening.reasons]
     about = ("", demo.text.screen) if screen else (demo.pair_text(), "")
-    step("question", "Guess first", "question", demo, screens, key, *about, link="Question")
+    step("question", "Guess first", demo, screens, key, *about, link="Question")
     uri, ratio = data_uri(read_bytes(result.path)), WIDTH / result.sheet.height
-    step("figure", "Figure", "figure", uri, ratio, demo.text.caption, demo.text.look_for)
+    step("figure", "Figure", uri, ratio, demo.text.caption, demo.text.look_for)
     size = parameter.picture(0).shape[1::-1]
-    step("parameter", "Drag a parameter", "parameter", parameter, size, bar, link="Parameter")
+    step("parameter", "Drag a parameter", parameter, size, bar, link="Parameter")
     strips = [_strip(finding) for finding in findings]
-    step("numbers", "Measured numbers and theory", "numbers", demo, findings, strips, link="Numbers")
+    step("numbers", "Measured numbers and theory", demo, findings, strips, link="Numbers")
     return page.html()
 
 
@@ -189,15 +189,10 @@ def _webp(image: Array) -> bytes:
 
 def index_page(shown: Sequence[Shown], lecture: Sequence[LecturePart] = ()) -> str:
     """The HTML index: one card per demo with a link to its page in the same folder and its minutes in ``lecture``."""
-    good = sum(s.result.as_expected for s in shown)
-    lead = (
-        f"Every demo was rendered and measured on this machine. In {good} of {len(shown)}, every value is as theory "
-        "predicts."
-    )
     times = [minutes_text(lecture[: i + 1]) for i in range(len(lecture))] or [""] * len(shown)
     return Page(
         "Demos of temporal reuse", heading=f"Temporal reuse in {len(shown)} demos", styles=("demo.css",),
-        intro=(tag("p", lead, class_="lead"), macro("cards", DEMO)(shown, times)),
+        intro=(macro("cards", DEMO)(shown, times),),
         footer=(tag("p", f"taubench-gl {__version__}", class_="muted"),),
     ).html()  # fmt: skip
 
@@ -221,16 +216,3 @@ def _strip(finding: Finding) -> dict[str, float] | None:
 def _place(demo: Demo, lecture: Sequence[LecturePart]) -> int:
     """The number of a page: its place in the lecture, outside of one that of its demo."""
     return next((i for i, part in enumerate(lecture, start=1) if part.demo == demo.name), demo.number)
-
-
-def _links(around: Around, lecture: Sequence[LecturePart]) -> list[dict[str, str]]:
-    """The links below a page: to the previous demo, the index and the next demo; none if the page is alone."""
-    if around is None:
-        return []
-    links = [("", INDEX_FILE, "all demos")]
-    before, after = around
-    if before is not None:
-        links.insert(0, ("prev", f"{before.stem}.html", f"← {_place(before, lecture)}. {before.text.title}"))
-    if after is not None:
-        links.append(("next", f"{after.stem}.html", f"{_place(after, lecture)}. {after.text.title} →"))
-    return [dict(zip(("rel", "file", "text"), link)) for link in links]

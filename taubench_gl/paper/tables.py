@@ -153,7 +153,7 @@ def _intervals(label: str, summary: Mapping[str, Any]) -> list[Row]:
     ends = [pixels.get("interval95_percent") or pairs.get("interval95_percent") for pixels, pairs in blocks]
     if not any(ends):
         return []
-    sides = [[None if one is None else one[side] for one in ends] for side in (0, 1)]
+    sides = [[None if interval is None else interval[side] for interval in ends] for side in (0, 1)]
     texts = (f"{label}, 95 % from", f"{label}, 95 % to")
     return [table_row(text, side, summary, "of every pixel of every pair") for text, side in zip(texts, sides)]
 

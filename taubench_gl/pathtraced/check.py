@@ -556,6 +556,6 @@ def _cuts(pairs: Sequence[PairVectors], good: Sequence[PairVectors]) -> Verdict:
     if len(pairs) == 1 or not bad:
         return Verdict("cuts", "ok", "none") if len(pairs) > 1 else Verdict("cuts", "not checked", "there is one pair")
     share, frames = float(np.mean([pair.explained for pair in bad])), ", ".join(str(pair.frame) for pair in bad)
-    lengths = [float(np.median([pair.expected_px for pair in some])) for some in (bad, good)]
+    lengths = [float(np.median([pair.expected_px for pair in group])) for group in (bad, good)]
     text = f"nothing explains the motion into frame {frames}; surfaces move by {lengths[0]:.3g} px, elsewhere by "
     return Verdict("cuts", "wrong", f"{text}{lengths[1]:.3g} px: a cut? leave it out", share, share, value=frames)

@@ -130,7 +130,7 @@ class _Run:
         if self._stored is not None:
             values = self._stored.difference(frame)[scored]
             known = ~np.isnan(values)
-            parts = ({name: rows[known] for name, rows in some.items()} for some in (truth, strata))
+            parts = ({name: rows[known] for name, rows in arrays.items()} for arrays in (truth, strata))
             self._scores[self._stored.test.name].add(values[known], *parts)
 
     def _strata(self, position: Array, bits: Array, scored: Array) -> dict[str, Array]:

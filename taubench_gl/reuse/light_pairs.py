@@ -82,8 +82,8 @@ class LightPairs(GpuOwner):
             self.reference: PathTracedReference | SupersampledReference | None = None
             if options.reference is not None:
                 samples = reference_samples(options.reference)
-                one = SupersampledReference(request, options.reference_samples) if samples is None else None
-                self.reference = self.own(one or PathTracedReference(request, samples))
+                supersampled = SupersampledReference(request, options.reference_samples) if samples is None else None
+                self.reference = self.own(supersampled or PathTracedReference(request, samples))
 
     def images(self, frame: int) -> Iterator[LightPair]:
         """The images of ``frame`` with every seed; none where no input is wanted."""

@@ -80,8 +80,8 @@ def _no_scene_in(folder: Path) -> SceneError:
         return SceneError(f"cannot be read: {error.strerror}", where=str(folder))
     scenes = [p for p in entries if p.suffix.lower() in READERS]
     if scenes:
-        more = f" and {len(scenes) - 1} more" if len(scenes) > 1 else ""
-        return SceneError(f"is a folder that contains {scenes[0].name}{more}", where=str(folder), hint="give one file")
+        also = f" and {len(scenes) - 1} more" if len(scenes) > 1 else ""
+        return SceneError(f"is a folder that contains {scenes[0].name}{also}", where=str(folder), hint="give one file")
     if any(p.suffix.lower() == ".exr" for p in entries):
         return SceneError("is a folder of EXR files", where=str(folder), hint=f"path-traced frames are exr:{folder}")
     message = "is a folder without a scene" if entries else "is an empty folder"

@@ -23,8 +23,8 @@ MAX_SHOWN = 8
 def listed(names: Iterable[str]) -> str:
     """The first ``MAX_SHOWN`` of ``names`` and how many more there are."""
     names = list(names)
-    more = f" and {len(names) - MAX_SHOWN} more" if len(names) > MAX_SHOWN else ""
-    return ", ".join(names[:MAX_SHOWN]) + more
+    ending = f" and {len(names) - MAX_SHOWN} more" if len(names) > MAX_SHOWN else ""
+    return ", ".join(names[:MAX_SHOWN]) + ending
 
 
 class Kind(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):

@@ -223,13 +223,13 @@ class ViewerEngine:
         if fault is not None:
             state.exact, state.message = False, str(fault)
         shown = VISUALIZATIONS.get(state.channel)
-        asked = state.live
+        requested = state.live
         extra = frozenset(shown.channels if shown else ()) | self._exact_channels(state) | NAMES
         try:
-            planned = self.feed.plan(extra, state.switched_off, asked)
+            planned = self.feed.plan(extra, state.switched_off, requested)
         finally:
             state.live = self.feed.live  # also where the source cannot change
-        if state.live != asked:
+        if state.live != requested:
             state.message = "path-traced files have their light and their size"
         if planned or self._evaluator is None:
             for part in (self.lights, self._exact):

@@ -90,9 +90,9 @@ class SceneFeed(GpuOwner):
         super().__init__(gpu)
         self.scene, self._timer, self.tree = scene, timer, SceneTree.of(scene)
         # One sample at the pixel center: the masks belong to the displayed image.
-        one = {"history": "frame"} if settings.metrics.history == "both" else {}
+        history = {"history": "frame"} if settings.metrics.history == "both" else {}
         poser = poser or KeptPoses(scene, settings.sequence.fps)
-        opened = plan_scene(scene, settings.replace(samples_per_pixel=1, **one), camera, poser=poser)
+        opened = plan_scene(scene, settings.replace(samples_per_pixel=1, **history), camera, poser=poser)
         self.settings = opened.settings.replace(pairs=settings.metrics.pairs)
         self.frames, self.animated, self.lighting = opened.frames, opened.animated, opened.lighting.reasons
         self.size, self.name = (settings.sequence.width, settings.sequence.height), scene.name

@@ -105,13 +105,14 @@ def timeline():
 
 
 def test_the_eye_looks_to_the_right_as_yaw_grows_and_up_with_pitch(timeline):
-    eye = timeline.eye(3, np.array([1.0, 4.0]))
-    yaw, pitch = np.radians([-5, -50]), np.radians(10.5)  # 350 + 15 t, to the right
-    forward = np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.full(2, np.sin(pitch))], 1)
-    assert np.abs(eye.axes[:, 0] - forward).max() < 0.01
+    times = np.array([2 / 3, 1.0, 4.0])  # the first one between 359 and 0 degrees
+    eye = timeline.eye(3, times)
+    yaw, pitch = np.radians(-350 - 15 * times), np.radians(10.5)  # 350 + 15 t, to the right
+    forward = np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.full(3, np.sin(pitch))], 1)
+    assert np.abs(eye.axes[:, 0] - forward).max() < 0.002
     assert np.abs(eye.axes[:, 1, 2]).max() < 1e-12  # no roll
     # +y of the engine is ahead, +x to the left: first and second axis.
-    assert np.abs(eye.places - [[40, 12, 32 + EYE], [40, 18, 32 + EYE]]).max() < 1 / 16
+    assert np.abs(eye.places[1:] - [[40, 12, 32 + EYE], [40, 18, 32 + EYE]]).max() < 1 / 16
 
 
 def test_a_teleport_is_a_jump_and_a_death_an_end(timeline):
@@ -275,23 +276,3 @@ def test_our_recording_is_decoded_whole():
     names = [event.name for event in demo.events]
     assert (demo.map_name, len(demo.rows), demo.truncated) == ("two_towers", 14430, False)
     assert (names.count("SHOTFX"), names.count("DIED"), names.count("INITAI")) == (1196, 107, 31)
-
-
-def test_paths_of_our_recording_lie_inside_of_the_stored_intervals():
-    demo = decode(OURS.read_bytes(), "x")
-    timeline = Timeline(demo)
-    checked = 0
-    for player in list(timeline.paths)[:6]:
-        rows = demo.rows[demo.rows[:, 1] == player]
-        rows = rows[np.append(np.diff(rows[:, 0]) > 0, True)]
-        seconds = (rows[:, 0] - demo.ms[0]) / 1000
-        for path in timeline.paths[player]:
-            chosen = (seconds >= path.start) & (seconds <= path.end)
-            values, stored = path.values(seconds[chosen]), rows[chosen]
-            x, y, z = values[:, 1], values[:, 0], values[:, 2] - EYE
-            late = np.stack([x, y, z], 1) / STEP - stored[:, 3:6]
-            turn, tilt = (-values[:, 3] - stored[:, 6] + 180) % 360 - 180, -values[:, 4] - stored[:, 7]
-            for part in (*late.T, turn, tilt):
-                assert (part > -1e-6).all() and (part < 1 + 1e-6).all()
-            checked += chosen.sum()
-    assert checked > 2000

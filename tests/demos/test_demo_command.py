@@ -56,8 +56,8 @@ def test_a_lecture_is_pages_in_order_with_an_index(run, monkeypatch, tmp_path):
 def test_a_wrong_number_is_exit_code_1(run, monkeypatch):
     one = find_demo("thresholds")
 
-    def wrong(stage):
-        measured = one.measure(stage)
+    def wrong(stage, lesson):
+        measured = one.measure(stage, lesson)
         name, (number, _) = next(iter(measured.numbers.items()))
         return dataclasses.replace(measured, numbers=measured.numbers | {name: (number, Expected.near(99.0, 0.5))})
 

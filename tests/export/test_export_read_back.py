@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from export_tools import RASTERIZED, drawn, same
@@ -45,3 +47,7 @@ def test_an_image_holds_the_contents_at_its_start(gpu, monkeypatch) -> None:
     assert np.array_equal(reader.start(texture, "normal").get(), values[3])
     reader.release()
     texture.release()
+
+
+def test_buffering_is_chosen_by_device(gpu) -> None:
+    assert [ChannelReader(replace(gpu, software=software)).buffered for software in (False, True)] == [True, False]

@@ -43,10 +43,28 @@ def exported(tmp_path_factory):
     return opened.sequence, frames, json.loads((out / "camera.json").read_text())
 
 
+def matrices_of(camera):
+    """Frame -> world_from_view (4, 4) of a camera file."""
+    return {int(n): np.array(entry["world_from_view"]) for n, entry in camera["frames"].items()}
+
+
+@pytest.fixture(scope="module")
+def given(exported):
+    """The camera of the export, as its file says."""
+    return SidecarCamera(exported[0].path / "camera.json")
+
+
+def scene_camera():
+    """The camera of the scene, and the settings of its frames."""
+    settings, scene = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1])), load_scene(ASSETS / "demo.glb")
+    track = choose_camera(scene, settings.sequence.camera, tuple(SIZE))
+    return SceneCamera(scene, track, settings.sequence.fps), settings
+
+
 def checked(exported, tmp_path, *names, keep=None, pairs=1, first=41, drop=()):
     """The check of the export with mistakes; ``keep``: the files that are left."""
     sequence, frames, camera = exported
-    matrices = {int(n): np.array(entry["world_from_view"]) for n, entry in camera["frames"].items()}
+    matrices = matrices_of(camera)
     yfov = camera["frames"]["40"]["yfov"]
     for name in sorted(names, key=list(MISTAKES).index):
         if name == "fov":
@@ -176,12 +194,9 @@ FOUND = {  # fault -> what names it: faults of a class, or conventions with thei
 
 @pytest.mark.parametrize("truth", ["previous positions", "scene", "positions", "depth"])
 @pytest.mark.parametrize("fault", INJECTED)
-def test_faults_of_vectors_are_named_or_not_judged(exported, tmp_path, rendered, fault, truth):
+def test_faults_of_vectors_are_named_or_not_judged(exported, given, rendered, fault, truth):
     """Where the motion of every surface is known each fault is named; positions show the camera's motion only."""
-    sequence, frames, camera = exported
-    file = tmp_path / "camera.json"
-    file.write_text(json.dumps(camera))
-    given = SidecarCamera(file)
+    sequence, frames, _ = exported
     frames = INJECTED[fault](frames, given.file.views)
     if truth != "previous positions":
         lost = ("prev_position",) if truth != "depth" else ("prev_position", "position")
@@ -199,14 +214,11 @@ def test_faults_of_vectors_are_named_or_not_judged(exported, tmp_path, rendered,
 def test_mistakes_are_named_where_files_count_from_one(exported, names):
     """The scene's camera is placed in time, one frame before the numbers of the files, beside other mistakes."""
     sequence, frames, camera = exported
-    matrices = {int(n): np.array(entry["world_from_view"]) for n, entry in camera["frames"].items()}
+    matrices = matrices_of(camera)
     for name in names:
         frames, matrices = MISTAKES[name][0](frames, matrices, sequence.mapping)
     frames = {n + 1: replace(f, prev_position=None) for n, f in frames.items()}
-    settings = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1]))
-    scene = load_scene(ASSETS / "demo.glb")
-    track = choose_camera(scene, settings.sequence.camera, tuple(SIZE))
-    given = SceneCamera(scene, track, settings.sequence.fps)
+    given, settings = scene_camera()
     counted = replace(sequence, files={n + 1: path for n, path in sequence.files.items()})
     check = check_sequence(
         Corrupted(counted, frames), given, list(frames)[1:4], 2, lambda numbers: render_truth(given, settings, numbers)
@@ -218,12 +230,9 @@ def test_mistakes_are_named_where_files_count_from_one(exported, names):
 
 
 @pytest.fixture(scope="module")
-def rendered(exported):
+def rendered():
     """The truth of the exported frames, from their scene."""
-    scene = load_scene(ASSETS / "demo.glb")
-    settings = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1]))
-    camera = SceneCamera(scene, choose_camera(scene, settings.sequence.camera, tuple(SIZE)), settings.sequence.fps)
-    return render_truth(camera, settings, range(FIRST, LAST + 1))
+    return render_truth(*scene_camera(), range(FIRST, LAST + 1))
 
 
 # Without a camera
@@ -232,7 +241,7 @@ def rendered(exported):
 def test_a_fitted_camera_shows_rows_but_no_axes(exported, tmp_path):
     sequence, frames, camera = exported
     mapping = msgspec.structs.replace(sequence.mapping, positions="world")
-    matrices = {int(n): np.array(e["world_from_view"]) for n, e in camera["frames"].items()}
+    matrices = matrices_of(camera)
     frames, _ = MISTAKES["world"][0](frames, matrices, sequence.mapping)
     frames = {n: replace(f, relative=False, prev_position=None) for n, f in frames.items() if n in (40, 41)}
     for name, expected in (("", {}), ("rows", {"rows": "bottom first"})):
@@ -244,11 +253,8 @@ def test_a_fitted_camera_shows_rows_but_no_axes(exported, tmp_path):
 
 
 @pytest.mark.parametrize("fault", [None, "sign", "zero"])
-def test_vectors_alone_are_judged_by_the_scene(exported, tmp_path, rendered, fault):
-    sequence, frames, camera = exported
-    file = tmp_path / "camera.json"
-    file.write_text(json.dumps(camera))
-    given = SidecarCamera(file)
+def test_vectors_alone_are_judged_by_the_scene(exported, given, rendered, fault):
+    sequence, frames, _ = exported
     if fault in INJECTED:
         frames = INJECTED[fault](frames, given.file.views)
     elif fault is not None:

@@ -43,18 +43,6 @@ def test_errors_are_one_line_and_exit_code_2(taubench, renders, tmp_path):
         assert code == 2 and named in err and err.count("\n") == 1, err
 
 
-def test_check_of_an_export_without_light_has_no_fault(taubench, tmp_path):
-    """docs/export.md: passes that were not exported are missing, which is no fault."""
-    out = tmp_path / "frames"
-    code, _, err = taubench("export", DEMO, "--out", out, "--size", "48x27", "--frames", "0:2")
-    assert code == 0, err
-    code, text, _ = taubench("check", f"exr:{out}", "--json")
-    values = json.loads(text)
-    status = {v["convention"]: v["status"] for v in values["verdicts"]}
-    assert code == 3 and values["wrong"] == [] and status["camera"] == "ok"  # 3: moving surfaces need the scene
-    assert values["verdicts"][0]["status"] == "note" and "color:" in values["verdicts"][0]["text"]
-
-
 def test_a_render_gets_the_lighting_of_evaluate(tmp_path, monkeypatch):
     """Light unit, exposure and environment as resolved; a continued render keeps its exposure."""
     calls = []

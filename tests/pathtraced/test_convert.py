@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 from pathlib import Path
 
@@ -224,49 +223,3 @@ def test_meshes_of_other_formats(blender, tmp_path, suffix):
     points = pose_vertices(scene, sample(scene, 0.0), int(node), scene.meshes[0].primitives[0])
     assert made.counts["meshes"] == 1 and not made.lost and scene.duration == 0.0
     np.testing.assert_allclose(np.abs(points), 1.0, atol=1e-6)
-
-
-TWO_TAKES = """
-import sys, os, bpy
-bpy.ops.wm.read_factory_settings(use_empty=True)
-scene = bpy.context.scene
-scene.frame_start, scene.frame_end = 1, 13
-for name in ("left", "right"):
-    bpy.ops.mesh.primitive_cube_add(size=1.0)
-    item = bpy.context.object
-    item.name = name
-    for take, far in (("Walk", 1.0), ("Run", 4.0)):
-        item.animation_data_clear()
-        for frame, x in ((1, 0.0), (13, far)):
-            item.location = (x, 0.0, 0.0)
-            item.keyframe_insert("location", frame=frame)
-        item.animation_data.action.name = take if name == "left" else take + ".right"
-        item.animation_data.action.use_fake_user = True
-        if take == "Walk" and name == "right":
-            continue
-        track = item.animation_data.nla_tracks.new()
-        track.name = take
-        track.strips.new(take, 1, item.animation_data.action)
-        item.animation_data.action = None
-bpy.ops.export_scene.fbx(filepath=sys.argv[1], bake_anim_use_nla_strips=False, bake_anim_use_all_actions=True)
-sys.stdout.flush()
-os._exit(0)
-"""
-
-
-@pytest.mark.long
-def test_one_consistent_take(blender, tmp_path):
-    """Every object plays the same take; unknown names are refused with the known ones."""
-    source = tmp_path / "takes.fbx"
-    subprocess.run([blender, "-c", TWO_TAKES, str(source)], check=True, stdout=subprocess.DEVNULL)
-    ends = {}
-    with pytest.raises(SceneError) as caught:
-        convert(source, tmp_path / "x.glb", take="none", python=blender)
-    takes = re.findall(r"'([^']+)'", caught.value.what)[1:]
-    assert len(takes) >= 2 and any(take.endswith("Run") for take in takes), takes
-    for take in takes:
-        made = convert(source, tmp_path / "x.glb", take=take, python=blender)
-        assert any(repr(take) in line for line in made.lost), made.lost
-        scene = load_scene(tmp_path / "x.glb")
-        ends[take] = sorted(float(sample(scene, scene.duration).world[n, 0, 3]) for n in scene.mesh_nodes)
-    assert len({tuple(round(x, 3) for x in end) for end in ends.values()}) > 1, ends

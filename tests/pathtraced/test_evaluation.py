@@ -77,12 +77,9 @@ def test_the_summary_has_the_same_blocks_as_that_of_a_scene(renders):
     blocks = {"scene", "census", "camera", "discard", "classes", "curves", "effects", "timing", "provenance"}
     assert blocks <= set(run.summary)
     assert run.summary["camera"]["position"]["mean"] == pytest.approx(0.3)
-    sequence, depths = PathTracedSequence.open(renders), []
-    for number in (5, 6):  # the first, middle and last evaluated frames are two
-        view = view_at(0.3 * number)
-        depth = frame_channels(sequence.read(number), view, view, fixed_settings())["position"][..., 3]
-        depths.append(np.median(depth[depth > 0]))
-    assert run.summary["scale"] == {"frames": 2, "median_depth_m": pytest.approx(np.median(depths), rel=1e-6)}
+    frames = [PathTracedSequence.open(renders).read(number) for number in (5, 6)]  # evaluated are two
+    depth = np.median([np.median(frame.depth[~frame.sky]) for frame in frames])
+    assert run.summary["scale"] == {"frames": 2, "median_depth_m": pytest.approx(depth, rel=1e-5)}
     assert all(entry["mean_percent"] is not None for entry in run.summary["discard"].values())
     assert run.tables()
 
@@ -108,17 +105,6 @@ def test_hand_computed_direct_light(tmp_path):
     assert lobes["volume"]["direct"]["mean_percent"] is None and "VolumeDir" in lobes["volume"]["direct"]["reason"]
 
 
-def test_missing_passes_are_null_with_a_reason(renders):
-    for path, channels in channels_of(renders):
-        write(path, {k: v for k, v in channels.items() if "Gloss" not in k and "Normal" not in k})
-    run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
-    for column, lost in (("direct", "GlossDir, GlossCol"), ("indirect", "GlossInd, GlossCol"), ("normal", "Normal")):
-        entry = run.summary["discard"][column]
-        assert entry["mean_percent"] is None and entry["reason"].endswith(lost)
-        assert all(row[column] is None for row in run.frames)
-    assert run.summary["discard"]["position"]["mean_percent"] is not None
-
-
 def test_pixels_outside_the_data_window_are_invalid(renders):
     for path, channels in channels_of(renders):
         cut = {k: np.ascontiguousarray(v[:, 3:]) for k, v in channels.items()}
@@ -129,26 +115,21 @@ def test_pixels_outside_the_data_window_are_invalid(renders):
     assert sum(run.summary["classes"].values()) == pytest.approx(WIDTH * HEIGHT)
 
 
-def test_positions_are_reconstructed_from_depth(renders):
-    whole = evaluate_path_traced(f"exr:{renders}", None, options(renders))
+def test_a_camera_is_not_estimated_from_depth(renders):
     for path, channels in channels_of(renders):
         write(path, {k: v for k, v in channels.items() if "Position" not in k})
     run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
-    assert run.summary["discard"]["position"] == whole.summary["discard"]["position"]
     assert run.summary["path_traced"]["camera_mismatch_px"] is None
-    with pytest.raises(PathTracedError) as error:  # nothing to estimate a camera from
+    with pytest.raises(PathTracedError) as error:
         evaluate_path_traced(f"exr:{renders}")
     assert "--camera-file" in error.value.hint
 
 
-def test_a_camera_that_did_not_render_the_files_is_refused(renders):
-    views = {f: view_at(0.3 * f + 0.5) for f in (4, 5, 6)}
-    (renders / "camera.json").write_text(camera_file_text(views, 30.0, (WIDTH, HEIGHT)))
-    with pytest.raises(PathTracedError, match="frame 4"):
-        evaluate_path_traced(f"exr:{renders}", None, options(renders))
+def test_a_camera_of_other_frames_or_another_size_is_refused(renders):
     (renders / "camera.json").write_text(camera_file_text({4: view_at(1.2)}, 30.0, (WIDTH, HEIGHT)))
     with pytest.raises(PathTracedError, match="frame 5"):
         evaluate_path_traced(f"exr:{renders}", None, options(renders))
+    views = {f: view_at(0.3 * f) for f in (4, 5, 6)}
     (renders / "camera.json").write_text(camera_file_text(views, 30.0, (WIDTH + 1, HEIGHT)))
     with pytest.raises(PathTracedError, match="13x8"):
         evaluate_path_traced(f"exr:{renders}", None, options(renders))

@@ -90,28 +90,11 @@ def test_files_whose_bottom_row_is_first(tmp_path):
 
 
 def test_normals_with_the_axes_of_the_view(tmp_path):
-    """A camera that turns: with such normals nothing changes, read as world normals everything does."""
-    turns = {frame: math3d.mat3_from_quat(math3d.quat_from_axis_angle(np.array([0.0, 1.0, 0.0]), 0.3 * frame))
-             for frame in (1, 2, 3)}  # fmt: skip
-
-    def change(channels, frame):
-        out = dict(channels)
-        for name in ("Pos", "Normal"):
-            values = np.stack([channels[f"{name}.{c}"] for c in "XYZ"], axis=-1).astype(np.float64)
-            if name == "Pos":  # the whole world turns with the camera
-                at = view_at(frame).position
-                values = np.where(passes_of(frame)["sky"][..., None], 0.0, (values - at) @ turns[frame].T + at)
-            out |= {f"{name}.{c}": values[..., i].astype(np.float32) for i, c in enumerate("XYZ")}
-        return out
-
-    folder = write_frames(tmp_path / "f", change=change)
-    views = {frame: View(view_at(frame).position, turns[frame], view_at(frame).camera) for frame in turns}
-    (folder / "camera.json").write_text(camera_file_text(views, 24.0, SIZE))
-    mapping = mapping_file(tmp_path, ("prev_position", "motion"), normals="view")
-    frame = read(folder, mapping)
-    arrays = frame_channels(frame, views[1], views[1], fixed_settings())
-    expected = passes_of(1)["normal"] @ turns[1].T
-    np.testing.assert_allclose(arrays["normal"], expected, atol=1e-6)
+    turn = math3d.mat3_from_quat(math3d.quat_from_axis_angle(np.array([0.0, 1.0, 0.0]), 0.3))
+    turned = View(view_at(1).position, turn, view_at(1).camera)
+    frame = read(write_frames(tmp_path / "f"), mapping_file(tmp_path, normals="view"))
+    arrays = frame_channels(frame, turned, turned, fixed_settings())
+    np.testing.assert_allclose(arrays["normal"], passes_of(1)["normal"] @ turn.T, atol=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["planar", "distance", "view-z"])
@@ -370,24 +353,13 @@ def test_history_is_sampled_where_the_vectors_of_the_files_point(tmp_path, sampl
 
 
 def test_vectors_decide_what_can_be_reused(tmp_path):
-    """Right vectors, those of the camera alone, and right ones with the wrong sign; camera reprojection beside them."""
-    right = masks_of(write_frames(tmp_path / "a"), mapping_file(tmp_path), fixed_settings())[0].summary["reusable"]
-
-    def camera_only(channels, frame):
-        passes, still = passes_of(frame), {}
-        flat = [project(view_at(frame - k), passes["position"].reshape(-1, 3), SIZE) for k in (1, 0)]
-        still = np.where(passes["sky"][..., None], 0.0, (flat[0] - flat[1]).reshape(HEIGHT, WIDTH, 2))
-        return channels | {f"Velocity.{c}": still[..., i].astype(np.float32) for i, c in enumerate("XY")}
-
-    without = mapping_file(tmp_path, ("prev_position",))
-    camera = masks_of(write_frames(tmp_path / "b", change=camera_only), without, fixed_settings())[0].summary[
-        "reusable"
-    ]
-    flipped = write_frames(tmp_path / "c", change=velocity(np.negative))
-    wrong = masks_of(flipped, without, MOTION)[0].summary["reusable"]
-    percent = {name: [block[mode]["surface"]["mean_percent"] for mode in ("camera", "motion")]
-               for name, block in (("right", right), ("camera", camera), ("wrong", wrong))}  # fmt: skip
-    assert percent["right"][0] == percent["camera"][0] == percent["wrong"][0] == percent["camera"][1]
+    """Right vectors, and right ones with the wrong sign; camera reprojection beside them."""
+    mapping, percent = mapping_file(tmp_path, ("prev_position",)), {}
+    for name, convert in (("right", np.positive), ("wrong", np.negative)):
+        folder = write_frames(tmp_path / name, change=velocity(convert))
+        block = evaluated(folder, mapping, MOTION).summary["reusable"]
+        percent[name] = [block[mode]["surface"]["mean_percent"] for mode in ("camera", "motion")]
+    assert percent["right"][0] == percent["wrong"][0]
     assert percent["right"][1] > percent["right"][0] + 3 > percent["wrong"][1] + 3
 
 

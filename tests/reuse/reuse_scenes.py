@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from fixed import fixed_settings
 
-from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -59,8 +59,8 @@ def passing_box(speed: float = 3.0) -> Scene:
     return b.build()
 
 
-def looking_around(kind: str) -> Scene:
-    """Panels at two distances; a camera that only rotates (``turn``) or translates (``slide``)."""
+def sliding() -> Scene:
+    """Panels at two distances; a camera that translates."""
     b = SceneBuilder()
     for k in range(24):
         far, shade = k % 2, 0.15 + 0.08 * (5 * k % 9)
@@ -68,11 +68,7 @@ def looking_around(kind: str) -> Scene:
         place = (-9.0 + 0.8 * k, 0.0, -3.0 - 3.0 * far)
         b.node(mesh=b.mesh(panel), translation=place)
     camera = b.camera(yfov=np.radians(60.0), znear=0.1)
-    if kind == "turn":
-        keys = np.linspace(0.0, SECONDS, 17)
-        b.animate(camera, "rotation", keys, [turn_y(120.0 * t) for t in keys])
-    else:
-        b.animate(camera, "translation", [0.0, SECONDS], [(0.0, 0.0, 0.0), (-6.0 * SECONDS, 0.0, 0.0)])
+    b.animate(camera, "translation", [0.0, SECONDS], [(0.0, 0.0, 0.0), (-6.0 * SECONDS, 0.0, 0.0)])
     return b.build()
 
 

@@ -74,13 +74,6 @@ def test_seeds_give_other_noise_and_one_reference(done):
     assert done.summary["methods"]["none"]["mean"]["linear_mse"] == pytest.approx(np.mean(means))
 
 
-def test_warmup_frames_are_not_in_the_means():
-    done = evaluate(still(), ["accumulate"], (0, 6), input="noisy", warmup=4)
-    errors = [r["linear_mse"] for r in done.rows]
-    assert done.summary["methods"]["accumulate"]["mean"]["linear_mse"] == pytest.approx(np.mean(errors[4:]))
-    assert done.summary["evaluated_frames"] == 2
-
-
 def test_method_without_report_has_no_bound(tmp_path):
     folder = write_method(tmp_path / "plain", PLAIN_TOML, a=PLAIN_GLSL)
     done = evaluate_methods(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reuse_tools import still_steps, write_method
+from reuse_tools import play, still_steps, write_method
 from sample_tools import lamps, opened
 
 from taubench_gl.benchmark.unit import Entry
@@ -15,7 +15,6 @@ from taubench_gl.reuse.fit import expand_methods
 from taubench_gl.reuse.frame import input_texture, read_result
 from taubench_gl.reuse.loading import MethodSpec, load_method
 from taubench_gl.reuse.runner import MethodRunner
-from taubench_gl.reuse.synthetic import Uploader
 
 SHOW = """
 void reuse(ivec2 p) { write_result(p, vec4(fetch_radiance(p).rgb - 2.0 * fetch_direct(p).rgb, 0.25)); }
@@ -76,13 +75,9 @@ def test_methods_of_shaded_frames_and_three_links(gpu):
     """``none`` changes nothing before or after another method, whose history goes on."""
     rng = np.random.default_rng(0)
     steps = still_steps((12, 8), rng.random((3, 8, 12, 3)))
-    uploader, images = Uploader(gpu, (12, 8)), {}
-    for name in ("accumulate", "none>accumulate>none"):
-        with MethodRunner(gpu, name, (12, 8)) as runner:
-            images[name] = [read_result(runner.step(uploader.frame(step, 1.0)))[..., :3] for step in steps]
-    uploader.release()
-    np.testing.assert_array_equal(*images.values())
-    assert np.abs(images["accumulate"][2] - steps[2].inputs["radiance"][..., :3]).max() > 0.1
+    alone, chain = (np.stack(play(gpu, name, steps))[..., :3] for name in ("accumulate", "none>accumulate>none"))
+    np.testing.assert_array_equal(chain, alone)
+    assert np.abs(alone[2] - steps[2].inputs["radiance"][..., :3]).max() > 0.1
 
 
 def test_labels_and_settings():

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from cycles_mover import FOLDER, FRAMES, SIZE, mover
 from reuse_scenes import settings
+from reuse_tools import arrays
 
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.frame.targets import read_channel
 from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene, still_position
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.reuse.evaluate import evaluate_methods
@@ -38,10 +38,7 @@ def chosen(**more):
 
 
 def frames_of(gpu, made, numbers):
-    out = []
-    for number in numbers:
-        frame = made.advance(number)
-        out.append({n: read_channel(t, n).copy() for n, t in frame.textures.items()})
+    out = [arrays(made.advance(number)) for number in numbers]
     facts = made.describe()
     made.release()
     gpu.collect()

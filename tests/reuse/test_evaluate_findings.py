@@ -65,10 +65,11 @@ def test_scores_of_the_reference_itself():
     assert sum(c["pixels"] for c in scores["classes"].values()) == 3 * SIZE[0] * SIZE[1]
 
 
-def test_means_are_over_frames_with_history():
-    done = evaluate(passing_box(), ["accumulate"], (0, 5))
+@pytest.mark.parametrize(("more", "first"), [({}, 1), ({"warmup": 3}, 3)])
+def test_means_are_over_frames_with_history(more, first):
+    done = evaluate(passing_box(), ["accumulate"], (0, 5), **more)
     rows, mean = done.rows, done.summary["methods"]["accumulate"]["mean"]
     assert [row["frame"] for row in rows] == [0, 1, 2, 3, 4] and rows[0]["flicker"] is None
-    assert mean["relmse"] == pytest.approx(np.mean([row["relmse"] for row in rows[1:]]))
-    assert done.summary["evaluated_frames"] == 4 and mean["ssim"] is None
+    assert mean["relmse"] == pytest.approx(np.mean([row["relmse"] for row in rows[first:]]))
+    assert done.summary["evaluated_frames"] == 5 - first and mean["ssim"] is None
     assert done.summary["methods"]["accumulate"]["reasons"]["ssim"] == NOT_REQUESTED

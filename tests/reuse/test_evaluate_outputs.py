@@ -64,7 +64,7 @@ def test_numbers_are_written_before_images(written, tmp_path, monkeypatch, error
         folder.on_frame(written[3][0])
         folder.finish(written[1])
     stored = json.loads((tmp_path / "run" / "reuse.json").read_text())
-    assert stored.pop(KEY) and stored == written[1].summary
+    assert stored.pop(KEY) and stored == written[1].summary and folder.written_frames == 3
     assert (tmp_path / "run" / "frames.csv").read_bytes() == (written[0] / "frames.csv").read_bytes()
 
 
@@ -100,6 +100,24 @@ def test_detail_window_is_where_methods_differ(written):
     )
 
 
+@pytest.mark.parametrize(
+    ("errors", "worst"), [([0.9, 0.1, 0.3, 0.2], 2), ([0.9, 0.4, 0.3], 1), ([0.1, 0.0, 0.0], 1), ([0.9], 0)]
+)
+def test_worst_frame_excludes_the_first(written, tmp_path, errors, worst):
+    """side_by_side.png shows the worst of the frames that have history."""
+    one, size = written[3][0], SIZE[::-1]
+    frames = [
+        replace(
+            one, frame=i, reference=np.full((*size, 3), 0.1 * i), errors=dict.fromkeys(one.errors, np.full(size, e))
+        )
+        for i, e in enumerate(errors)
+    ]
+    with ReuseFolder(tmp_path / "run", 24.0, "none") as folder:
+        for frame in frames:
+            folder.on_frame(frame)
+        np.testing.assert_array_equal(folder._worst_image, side_by_side(frames[worst], crop=True))
+
+
 def test_a_rerun_without_a_video_removes_that_of_the_earlier_one(written, tmp_path):
     for name in ("side_by_side.mp4", "side_by_side.webm", "side_by_side.mine.mp4"):
         (tmp_path / name).write_text("of an earlier evaluation, or of a user")
@@ -121,45 +139,6 @@ def test_no_incomplete_video_after_an_error(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_interrupt_keeps_the_rows_of_evaluated_frames(tmp_path):
-    (tmp_path / "run").mkdir()
-    for name in ("reuse.json", "report.html", "tables.txt", "convergence.svg", "side_by_side.webm"):
-        (tmp_path / "run" / name).write_text("of an earlier evaluation")
-    seen = []
-    with pytest.raises(KeyboardInterrupt), ReuseFolder(tmp_path / "run", 24.0) as folder:
-
-        def interrupted(frame):
-            folder.on_frame(frame)
-            seen.append(frame)
-            if frame.frame == 2:
-                raise KeyboardInterrupt
-
-        evaluate(passing_box(), ["none", "accumulate"], (0, 4), on_frame=interrupted)
-    assert [path.name for path in (tmp_path / "run").iterdir()] == ["frames.csv"]
-    with open(tmp_path / "run" / "frames.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [(int(r["frame"]), r["method"]) for r in rows] == [(f, m) for f in range(3) for m in ("none", "accumulate")]
-    assert [float(r["relmse"]) for r in rows] == [row["relmse"] for j in seen for row in j.rows.values()]
-
-
-def test_command_line_reports_files_after_an_interrupt(tmp_path, monkeypatch, capsys):
-    def interrupted(scene, methods, settings, *, progress=None, on_frame=None, **request):
-        def seen(frame):
-            if on_frame is not None:
-                on_frame(frame)
-            if frame.frame == 2:
-                raise KeyboardInterrupt
-
-        evaluate(passing_box(), ["none", "accumulate"], (0, 4), on_frame=seen)
-
-    monkeypatch.setattr("taubench_gl.reuse.evaluate.evaluate_methods", interrupted)
-    out = tmp_path / "run"
-    for more, names in ((["--out", str(out), "--video", "none"], ("3", str(out / "frames.csv"))), ([], ("--out",))):
-        assert run_cli("reuse", "evaluate", "s.glb", "--methods", "none", *more) == 130
-        err = capsys.readouterr().err
-        assert err.count("\n") == 1 and all(name in err for name in names)
-
-
 def test_command_line(tmp_path, capsys):
     code = run_cli(
         "reuse", "evaluate", ASSETS / "demo.glb", "--methods", "none,nosuch", "--size", "48x32", "--frames", "0:3",
@@ -169,3 +148,32 @@ def test_command_line(tmp_path, capsys):
     out, err = capsys.readouterr()
     assert code == 2 and "'nosuch'" in err and "Traceback" not in err
     assert "Quality against the reference" in out and (tmp_path / "out" / "reuse.json").is_file()
+
+
+def test_an_interrupt_keeps_and_names_the_rows_of_evaluated_frames(tmp_path, monkeypatch, capsys):
+    """Files of an earlier evaluation go: they are of other frames."""
+    seen, out = [], tmp_path / "run"
+
+    def interrupted(scene, methods, settings, *, progress=None, on_frame=None, **request):
+        def keep(frame):
+            seen.append(frame)
+            if on_frame is not None:
+                on_frame(frame)
+            if frame.frame == 2:
+                raise KeyboardInterrupt
+
+        evaluate(passing_box(), ["none", "accumulate"], (0, 4), on_frame=keep)
+
+    monkeypatch.setattr("taubench_gl.reuse.evaluate.evaluate_methods", interrupted)
+    out.mkdir()
+    for name in ("reuse.json", "report.html", "tables.txt", "convergence.svg", "side_by_side.webm"):
+        (out / name).write_text("of an earlier evaluation")
+    for more, names in ((["--out", out], ("3", str(out / "frames.csv"))), ([], ("--out",))):
+        assert run_cli("reuse", "evaluate", "s.glb", "--methods", "none", *more) == 130
+        err = capsys.readouterr().err
+        assert err.count("\n") == 1 and all(name in err for name in names)
+    assert [path.name for path in out.iterdir()] == ["frames.csv"]
+    with open(out / "frames.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(int(r["frame"]), r["method"]) for r in rows] == [(f, m) for f in range(3) for m in ("none", "accumulate")]
+    assert [float(r["relmse"]) for r in rows] == [row["relmse"] for frame in seen[:3] for row in frame.rows.values()]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from references.reuse_methods import inside, previous_px, sample_history
 from sample_tools import lamps, opened
 
 from taubench_gl.apps.cli import cli
@@ -40,12 +41,8 @@ def played(gpu, method, frames: int = 3):
 
 def history(arrays, name):
     """A channel of the pixel nearest to the previous position, and where that is inside the image."""
-    h, w = arrays["motion"].shape[:2]
-    y, x = np.indices((h, w))
-    at_x, at_y = x + arrays["motion"][..., 0], y + arrays["motion"][..., 1]
-    inside = (at_x >= -1 / 256) & (at_x <= w - 1 + 1 / 256) & (at_y >= -1 / 256) & (at_y <= h - 1 + 1 / 256)
-    x, y = np.floor(at_x + 0.5).astype(int), np.ceil(at_y - 0.5).astype(int)
-    return arrays[name][np.clip(y, 0, h - 1), np.clip(x, 0, w - 1)], inside
+    at = previous_px(arrays["motion"])
+    return sample_history(arrays[name], at, "nearest"), inside(at, at.shape[1::-1])
 
 
 @pytest.mark.parametrize("name", ["position=0.05", "object_id"])
@@ -53,14 +50,14 @@ def test_a_gate_keeps_what_its_test_does_not_reject(gpu, tmp_path, name):
     (folder,) = write_methods(load_tests([name]), tmp_path, "reservoirs")
     _, reported, arrays = played(gpu, load_method(folder))
     if name == "object_id":
-        then, inside = history(arrays, "history_ids")
+        then, seen = history(arrays, "history_ids")
         same = then[..., 0] == arrays["ids"][..., 0]
     else:
-        then, inside = history(arrays, "history_position")
+        then, seen = history(arrays, "history_position")
         same = np.linalg.norm((arrays["prev_position"] - then)[..., :3], axis=-1) <= 0.05
     held = (reported[..., 0] >= 0) & (arrays["position"][..., 3] > 0)
     kept = reported[..., 3] > 0.5
-    np.testing.assert_array_equal(kept[held], (same & inside)[held])
+    np.testing.assert_array_equal(kept[held], (same & seen)[held])
     assert 10 < np.count_nonzero(kept[held]) < np.count_nonzero(held) - 5
 
 

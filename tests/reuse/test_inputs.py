@@ -7,7 +7,7 @@ import pytest
 from fixed import fixed_settings
 from references.shading_rate import nearest_shaded, shaded
 from repeated import few
-from reuse_scenes import SIZE, looking_around, passing_box, settings, still
+from reuse_scenes import SIZE, passing_box, settings, sliding, still
 from reuse_tools import arrays, evaluate, open_inputs
 
 from taubench_gl.animation import choose_camera
@@ -102,7 +102,7 @@ def test_invalid_sample_counts_and_seeds(numbers):
 
 # -------------------------------------------------------------------------------------------------------------- inputs
 def test_inputs_equal_their_channels(gpu):
-    scene = looking_around("slide")
+    scene = sliding()
     with inputs_of(gpu, scene) as inputs:
         inputs.advance(4)
         before = arrays_of_source(inputs.source)
@@ -134,33 +134,23 @@ def test_only_channels_that_are_read_are_rendered(gpu):
         assert inputs.bytes > lean
 
 
-def test_radiance_is_exposed_light_and_sky(gpu):
-    more = {"settings": {"exposure": 2.0, "environment": (0.1, 0.2, 0.3)}}
-    with inputs_of(gpu, still(), reads=("radiance", "position"), **more) as inputs:
-        got = arrays(inputs.advance(0))["radiance"][..., :3]
-        source = inputs.source
-        position, direct = source.read("position"), source.read("direct")[..., :3]
-    sky = position[..., 3] == 0
-    assert sky.any() and not sky.all()
-    np.testing.assert_array_equal(got[sky], np.broadcast_to(np.float32([0.2, 0.4, 0.6]), got[sky].shape))
-    np.testing.assert_array_equal(got[~sky], 2.0 * direct[~sky])
-
-
 @pytest.mark.parametrize("kind", ["full", "checkerboard", "path-traced@1"])
 def test_direct_is_the_direct_part_of_radiance(gpu, kind):
-    """Light of two bounces or more is the rest; sky pixels are radiance; unshaded pixels are filled alike."""
-    more = {"settings": {"exposure": 2.0, "environment": (0.1, 0.2, 0.3), "indirect": "auto"}}
-    with inputs_of(gpu, still(), kind, reads=("radiance", "direct", "position"), **more) as inputs:
+    """Exposed light of one bounce; the rest is that of more; the sky is in both; unshaded pixels are filled alike."""
+    lit = {"exposure": 2.0, "environment": (0.1, 0.2, 0.3), "indirect": "auto"}
+    with inputs_of(gpu, still(), kind, reads=("radiance", "direct", "position"), settings=lit) as inputs:
         inputs.advance(0)
         got = arrays(inputs.advance(1))
         at = nearest_shaded("checkerboard" if kind == "checkerboard" else "full", SIZE, 1)
-        indirect = 2.0 * inputs.source.read("indirect")[at[..., 1], at[..., 0], :3]
+        once, more = (2.0 * inputs.source.read(n)[at[..., 1], at[..., 0], :3] for n in ("direct", "indirect"))
     surface = got["position"][at[..., 1], at[..., 0], 3] > 0
-    assert indirect[surface].max() > 0.01
+    assert more[surface].max() > 0.01 and not surface.all()
     np.testing.assert_array_equal(got["direct"][~surface], got["radiance"][~surface])
+    assert (got["radiance"][~surface, :3] == np.float32([0.2, 0.4, 0.6])).all()
+    np.testing.assert_array_equal(got["direct"][surface, :3], once[surface])
     np.testing.assert_array_equal(got["direct"][..., 3], got["radiance"][..., 3])
     rest = (got["radiance"] - got["direct"])[surface, :3]
-    np.testing.assert_allclose(rest, indirect[surface], atol=2e-6)
+    np.testing.assert_allclose(rest, more[surface], atol=2e-6)
 
 
 @pytest.mark.parametrize("kind", ["noisy", "jittered+noisy"])
@@ -188,7 +178,7 @@ def test_unshaded_pixels_are_filled(gpu, rate):
 @pytest.mark.parametrize(("kind", "size", "period"), [("jittered", SIZE, 16), ("jittered+upscale@2", (32, 24), 32)])
 def test_positions_of_jittered_samples(gpu, kind, size, period):
     with inputs_of(gpu, still(), kind, reads=("position",)) as inputs:
-        for number in range(3):
+        for number in (0, 1, 18):
             frame = inputs.advance(number)
             np.testing.assert_array_equal(frame.jitter_px, halton_jitter(number, period))
             position = arrays(frame)["position"].astype(np.float64)
@@ -276,7 +266,7 @@ def test_image_too_small_for_the_shading_rate(gpu):
 
 # ----------------------------------------------------------------------------------------------------------- reference
 def test_reference_is_the_mean_of_its_samples(gpu):
-    scene, kind, chosen = looking_around("slide"), InputKind(), settings()
+    scene, kind, chosen = sliding(), InputKind(), settings()
     reference = SupersampledReference(FrameRequest(gpu, scene, choose_camera(scene), chosen, kind), 4)
     images = []
     for offset in grid_offsets(4):
@@ -294,7 +284,7 @@ def test_reference_is_the_mean_of_its_samples(gpu):
 def exr_folder(session_gpu, tmp_path_factory):
     """Four frames of a sliding camera as Blender would write them: Combined, Position, Normal, Depth."""
     folder = tmp_path_factory.mktemp("exr")
-    scene = looking_around("slide")
+    scene = sliding()
     with session_gpu as gpu:
         source = RasterSource(gpu, AnimatedScene(scene), settings(columns=("position", "normal", "color")))
         for number in range(4):
@@ -317,7 +307,7 @@ def exr_folder(session_gpu, tmp_path_factory):
 
 
 def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
-    scene, spec = looking_around("slide"), f"exr:{exr_folder}"
+    scene, spec = sliding(), f"exr:{exr_folder}"
     kind = InputKind(files=spec)
     made = settings(exposure=0.5, frames=(1, None))
     request = FrameRequest(gpu, scene, choose_camera(scene), made, kind)

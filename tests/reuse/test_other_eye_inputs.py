@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from reuse_scenes import SIZE, settings, still
+from reuse_tools import arrays
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.eyes import other_eye
 from taubench_gl.errors import SettingsError
-from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
@@ -23,10 +23,6 @@ EYES = 0.2
 def given(gpu, scene, reads=READS, camera=None, kind="full", **more):
     request = FrameRequest(gpu, scene, camera or choose_camera(scene), settings(**more), parse_input(kind, seed=3))
     return RasterInputs(request, reads)
-
-
-def arrays(frame):
-    return {name: read_channel(frame.textures[name], name).copy() for name in READS}
 
 
 def test_the_history_is_what_a_camera_at_the_other_eye_gets(gpu):

@@ -150,6 +150,7 @@ def test_points_of_a_moving_panel(gpu, tmp_path):
                 to_light, radiance = own_light.area_incident(at, np.array([3.0, 2.0, 1.0]), uv, points)
                 np.testing.assert_allclose(got["arrives"][here, :3], to_light[here], atol=3e-6)
                 np.testing.assert_allclose(got["arrives"][here, 3], radiance[here, 0], rtol=1e-4)
+        assert (got["sight"][here, 0] == 1).all(), "the panel does not hide itself"
     drawn = got["drawn"][..., 0]
     assert all((drawn == k).mean() > 0.1 for k in (0, 1, 2))
     np.testing.assert_allclose(got["drawn"][drawn == 0, 3], 0.5)

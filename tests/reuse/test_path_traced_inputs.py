@@ -70,18 +70,6 @@ def test_a_reference_is_the_mean_of_its_samples(gpu):
     )
 
 
-def test_the_noise_that_a_reference_states_is_its_error(gpu):
-    scene, made = still(), chosen()
-    with GpuOwner(gpu) as owner:
-        references = [References.open(owner, AnimatedScene(scene), made, samples) for samples in (16, 512)]
-        few, many = (r.frame(0) for r in references)
-    gpu.collect()
-    luminance = np.array([0.2126, 0.7152, 0.0722])
-    error = (few.direct + few.indirect - many.direct - many.indirect) @ luminance
-    assert np.sqrt(np.mean(error**2)) == pytest.approx(few.noise.rms, rel=0.5)
-    assert many.noise.rms < 0.5 * few.noise.rms
-
-
 def test_inputs_have_the_noise_of_their_samples_in_every_frame(gpu):
     scene, kind = still(), parse_input("path-traced@2", seed=4)
     request = FrameRequest(gpu, scene, choose_camera(scene), chosen(exposure=2.0), kind, Poser(scene))

@@ -84,7 +84,7 @@ CHANGES = {
 """Settings with which a stage has an effect."""
 
 
-@pytest.mark.parametrize("stage", stages("restir-di", BYPASSES))
+@pytest.mark.parametrize("stage", stages("restir-di"))
 def test_every_stage_is_needed(gpu, tmp_path, stage):
     method = load_method(bypassed(tmp_path / "restir-di", "restir-di", BYPASSES[stage]))
     assert differing(gpu, method, SMALL | CHANGES.get(stage, {})) > 0.05

@@ -45,11 +45,6 @@ def test_cases_pass_at_other_sizes(size):
     assert not failed, "\n".join(failed)
 
 
-def test_number_and_uniqueness_of_cases():
-    assert len(CASES) >= 100
-    assert len({c.name for c in CASES}) == len(CASES)
-
-
 @pytest.mark.long  # tests/drivers runs the quick cases on this driver
 @pytest.mark.skipif(open_library(OSMESA_LIBRARIES) is None, reason="libOSMesa is not installed")
 def test_all_cases_on_osmesa():

@@ -138,8 +138,8 @@ def read_level(data: bytes, where: str) -> Level:
     else:
         r.bytes(header - r.at)
     r.text(r.get("B") + 1)
-    extra, more = r.get("2H")
-    r.bytes(more)
+    extra, length = r.get("2H")
+    r.bytes(length)
     r.bytes(2 * r.get("H"))
     fields = [("place", "<f4", 3), ("values", "<i2", 5), ("kind", "u1"), ("pad", "u1"), ("extra", "u1", (extra,))]
     row = np.dtype(fields)
@@ -348,8 +348,8 @@ def _stored(cubes: Cubes, raw: Array, table: Array, version: int) -> tuple[Array
         for k, (one, two) in enumerate(((0, 1), (0, 3), (2, 3), (2, 1))):
             put(box, k, sides[one], sides[two])
         for k in range(MOST_CORNERS):
-            some = free[count[free] > k]
-            put(some, k, *(word(some, 4 + before[some] + k * each[some] + i) for i in (0, 2)))
+            cornered = free[count[free] > k]
+            put(cornered, k, *(word(cornered, 4 + before[cornered] + k * each[cornered] + i) for i in (0, 2)))
     out += ((cubes.origins[cube] & ~0xFFF) * 8)[:, None]
     return np.stack([cube, face, count], 1)[good], out[good]
 

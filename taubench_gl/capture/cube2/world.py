@@ -167,9 +167,9 @@ def add_world(file: SceneFile, level: Level, files: Files, map_name: str) -> Non
     normals = normalize(np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]))
     primitives = []
     for slot in np.unique(slots).tolist():
-        own = slots == slot
-        corners, turned = places[own].reshape(-1, 3), np.repeat(normals[own], 3, 0)
-        material, uvs = _material(file, files, slot, textures.get(slot), corners, np.repeat(sides[own], 3))
+        of_slot = slots == slot
+        corners, turned = places[of_slot].reshape(-1, 3), np.repeat(normals[of_slot], 3, 0)
+        material, uvs = _material(file, files, slot, textures.get(slot), corners, np.repeat(sides[of_slot], 3))
         triangles = np.arange(len(corners)).reshape(-1, 3)[:, MIRROR]
         axes = (values[:, RIGHT_HANDED] for values in (corners, turned))
         primitives.append(file.primitive(*axes, uvs, triangles, material))

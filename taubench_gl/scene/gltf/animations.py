@@ -335,8 +335,8 @@ def choose_animations(
         silent.setdefault(other, []).append(label)
     for other, labels in silent.items():
         shown = ", ".join(repr(label) for label in labels[:8])
-        more = f" and {len(labels) - 8} more" if len(labels) > 8 else ""
+        ending = f" and {len(labels) - 8} more" if len(labels) > 8 else ""
         document.note(
-            f"{other!r} plays; {shown}{more} have targets in common with it and do not (select with --animation)"
+            f"{other!r} plays; {shown}{ending} have targets in common with it and do not (select with --animation)"
         )
     return tuple(channels), tuple(playing)

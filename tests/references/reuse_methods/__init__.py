@@ -14,7 +14,6 @@ from references.reuse_methods.bmfr import *
 from references.reuse_methods.caching import *
 from references.reuse_methods.fsr2 import *
 from references.reuse_methods.history import *
-from references.reuse_methods.means import *
 from references.reuse_methods.reblur import *
 from references.reuse_methods.sparse import *
 from references.reuse_methods.svgf import *

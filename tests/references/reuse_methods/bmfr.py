@@ -81,9 +81,7 @@ def mirrored(index: Array, size: int) -> Array:
     return np.clip(index, 0, size - 1)
 
 
-def block_regression(
-    color: Array, position: Array, normal: Array, frame: int, noise: float = 0.01, shift: bool = True
-) -> Array:
+def block_regression(color: Array, position: Array, normal: Array, frame: int) -> Array:
     """Feature fitting: least-squares fit of the color in each block, evaluated without the noise, at least 0.
 
     ``color`` (h, w, 3); ``position`` (h, w, 4), w = 0 for sky, which keeps its color; ``normal`` (h, w, 3).
@@ -93,7 +91,7 @@ def block_regression(
     color, position, normal = (np.asarray(v, dtype=np.float64)[::-1] for v in (color, position, normal))
     h, w = color.shape[:2]
     out = color.copy()
-    left, down = block_offset(frame) if shift else (0, 0)
+    left, down = block_offset(frame)
     for first_up in range(-down, h, BLOCK):
         for first in range(-left, w, BLOCK):
             up, x = (v.ravel() for v in np.mgrid[first_up : first_up + BLOCK, first : first + BLOCK])
@@ -103,7 +101,7 @@ def block_regression(
                 continue
             up, x, row, column = up[surface], x[surface], row[surface], column[surface]
             exact = block_features(position[row, column, :3], normal[row, column, :3])
-            noisy = exact + noise * feature_noise(x, up, frame)
+            noisy = exact + 0.01 * feature_noise(x, up, frame)
             used = FEATURES if len(x) >= FEWEST else 1
             weights = np.linalg.lstsq(noisy[:, :used], color[row, column], rcond=None)[0]
             inside = (x >= 0) & (x < w) & (up >= 0) & (up < h)

@@ -1,4 +1,4 @@
-"""Previous positions and history samples: what all reuse methods share."""
+"""Previous positions, history samples and means over frames: what all reuse methods share."""
 
 from __future__ import annotations
 
@@ -121,3 +121,17 @@ def neighbors(image: Array) -> dict[tuple[int, int], Array]:
     h, w = image.shape[:2]
     wide = np.pad(np.asarray(image, dtype=np.float64), ((1, 1), (1, 1), (0, 0)), mode="edge")
     return {(dy, dx): wide[1 + dy : 1 + dy + h, 1 + dx : 1 + dx + w] for dy in (-1, 0, 1) for dx in (-1, 0, 1)}
+
+
+def exponential_average(now: Array, history: Array, alpha: Array | float) -> Array:
+    """Yang et al. 2020, Eq. (1): alpha now + (1 - alpha) history."""
+    return history + alpha * (now - history)
+
+
+def running_mean(now: Array, mean: Array, count: Array, cap: int) -> tuple[Array, Array]:
+    """Welford's update: adds one frame to a mean of ``count`` frames; the count is limited to ``cap``.
+
+    (h, w, 3), (h, w, 3), (h, w) -> mean, count.  The variance of stationary noise decreases as 1 / count.
+    """
+    count = np.minimum(count, cap - 1) + 1.0
+    return exponential_average(now, mean, 1.0 / count[..., None]), count

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from references.reuse_methods.history import neighbors
-from references.reuse_methods.means import exponential_average
+from references.reuse_methods.history import exponential_average, neighbors
 
 Array = np.ndarray
 

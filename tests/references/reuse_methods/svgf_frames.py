@@ -13,12 +13,12 @@ import numpy as np
 
 from references.reuse_methods.history import (
     consistent_blend,
+    exponential_average,
     inside,
     nearest_surface,
     previous_px,
     sample_history,
 )
-from references.reuse_methods.means import exponential_average
 from references.reuse_methods.svgf import EdgeStopping, atrous_level, moments_variance, spatial_variance
 from references.reuse_methods.taa import clip_to_box, neighborhood_box, rgb_from_ycocg, ycocg_from_rgb
 from taubench_gl.metrics.color import TONE_MAPS
