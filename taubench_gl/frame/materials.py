@@ -39,7 +39,6 @@ REPEAT = 10497
 MIRRORED_REPEAT = 33648
 """Wrap mode that samplers do not use: the shaders fold the coordinates instead."""
 
-_GL_SRGB8_ALPHA8 = 0x8C43
 TEXTURE = "texture of an image"
 """Kind of the objects that tables share; also whether it is sRGB-encoded."""
 
@@ -232,9 +231,9 @@ class MaterialTable:
         limit = self._gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
         if max(width, height) > limit:
             raise GraphicsError(f"image {name!r} is {width}x{height}, this device takes {limit}", hint="scale it down")
-        extra = {"internal_format": _GL_SRGB8_ALPHA8} if srgb else {}
+        texture = self._gpu.mipmapped((width, height), srgb=srgb)
         # glTF's v runs downwards from the image's top row, so rows go up in file order: texture row 0 is v = 0.
-        texture = self._gpu.ctx.texture((width, height), 4, np.ascontiguousarray(pixels), dtype="f1", **extra)
+        texture.write(np.ascontiguousarray(pixels))
         texture.build_mipmaps()
         return texture
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 BACKEND_VARIABLE = "TAUBENCH_BACKEND"
 REQUIRED_VERSION = 450
 _GL_LOWER_LEFT, _GL_ZERO_TO_ONE = 0x8CA1, 0x935F
+_GL_RGBA8, _GL_SRGB8_ALPHA8 = 0x8058, 0x8C43
 _GL_TEXTURE_2D, _GL_DEPTH_COMPONENT, _GL_DEPTH_COMPONENT32F, _GL_FLOAT = 0x0DE1, 0x1902, 0x8CAC, 0x1406
 _INSTALL = {
     "egl": "apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri, or a vendor driver with EGL",
@@ -127,6 +128,19 @@ class Gpu:
         prototype = ctypes.CFUNCTYPE(None, ctypes.c_uint, *integers, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
         define_image = prototype(self._function("glTexImage2D"))
         define_image(_GL_TEXTURE_2D, 0, _GL_DEPTH_COMPONENT32F, *size, 0, _GL_DEPTH_COMPONENT, _GL_FLOAT, None)
+        return texture
+
+    def mipmapped(self, size: tuple[int, int], *, srgb: bool) -> moderngl.Texture:
+        """An RGBA8 texture with room for all its levels; ``srgb``: texels are sRGB-encoded.
+
+        moderngl's own has room for one: building mipmaps moves it, which takes its memory twice.
+        """
+        owner, kind = self.ctx.texture((1, 1), 4), _GL_SRGB8_ALPHA8 if srgb else _GL_RGBA8
+        integer, unsigned = ctypes.c_int, ctypes.c_uint
+        prototype = ctypes.CFUNCTYPE(None, unsigned, integer, unsigned, integer, integer)
+        prototype(self._function("glTextureStorage2D"))(owner.glo, max(size).bit_length(), kind, *size)
+        texture = self.ctx.external_texture(owner.glo, size, 4, 0, "f1")  # which frees nothing itself
+        texture.release = owner.release
         return texture
 
     def copy_texels(self, source: moderngl.Texture, target: moderngl.Texture, rects: Iterable[tuple]) -> None:
