@@ -91,6 +91,7 @@ def return_freed() -> None:
     with contextlib.suppress(AttributeError, OSError):  # a C library without it
         library = ctypes.CDLL(None)
         library.mallopt(-3, LARGE_BLOCK)  # M_MMAP_THRESHOLD
+        library.mallopt(-1, 8 * LARGE_BLOCK)  # M_TRIM_THRESHOLD; 128 KiB would clear pages again and again
         library.malloc_trim(0)
 
 

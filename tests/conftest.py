@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from fixed import FIXED
+from page_tools import opened
 
 if TYPE_CHECKING:
     from taubench_gl.gpu.context import Gpu
@@ -203,15 +204,8 @@ def both_browsers(browser: Any, firefox: Callable[[Path, str], Any]) -> Callable
     """
 
     def open_page(file: Path, selector: str = "main") -> None:
-        page, faults = browser.new_page(), []
-        page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
-        page.on("pageerror", lambda e: faults.append(str(e)))
-        page.on("requestfailed", lambda r: faults.append(r.url))
-        page.on("request", lambda r: faults.append(r.url) if r.url.startswith(("http", "ws")) else None)
-        page.goto(file.as_uri())
-        page.wait_for_selector(selector, state="attached")
-        page.close()
-        assert faults == []
+        for page in opened(browser, file):
+            page.wait_for_selector(selector, state="attached")
         firefox(file, selector)
 
     return open_page

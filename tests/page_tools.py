@@ -69,7 +69,8 @@ def opened(browser: Any, file: Path, place: str = "", **options: Any) -> Iterato
     page, faults = context.new_page(), []
     page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
     page.on("pageerror", lambda e: faults.append(str(e)))
-    page.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else faults.append(r.url))
+    page.on("requestfailed", lambda r: faults.append(r.url))
+    page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else faults.append(r.url))
     page.goto(file.as_uri() + place)
     if page.locator(".stage").count():
         page.wait_for_selector(".stage[data-frame]")

@@ -73,6 +73,7 @@ def test_wrong_argument_is_a_settings_error(arguments, setting):
     "arguments",
     [
         {"scene": 3}, {"scene": "nothing.glb"}, {"settings": "96x54"}, {"size": "96"}, {"frames": range(5, 5)},
+        {"frames": range(100, 200)}, {"animation": "fly"}, {"scene": DEMO, "settings": tb.Settings(scene=7)},
         {"frames": range(0, 9, 2)}, {"columns": "positon"}, {"camera": "nobody"}, {"camera_file": "camera.json"},
         {"scene": "exr:nothing", "size": "3x3"}, {"scene": "exr:nothing", "lobes": "difuse"}, {"path_traced": 3},
     ],

@@ -3,7 +3,7 @@
 // Reads      trace_nodes, trace_triangles, trace_instances (taubench_gl/frame/raytracing/structure.py)
 // Counts     trace_overflow: rays that visited more than TRACE_MAX_STEPS nodes and triangles
 // Needs      alpha_passes (raytracing/alpha.glsl) where TRACE_ALPHA
-// Reference  tests/raytracing/reference.py
+// Reference  tests/frame/ray_caster.py
 //
 // Space: camera-relative, world axes.  An instance takes a ray into the grid of its tree; the direction is not normalized
 // there, so t is the same number in every space.

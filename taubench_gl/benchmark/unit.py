@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -251,9 +252,10 @@ def _spec(case: Case, entry: Entry) -> MethodSpec:
     return replace(spec, label=entry.label)
 
 
+@cache
 def loaded(entry: Entry) -> Method | None:
-    """The method of ``entry``; None where it cannot be loaded, which the evaluation reports, and for frames made
-    elsewhere.
+    """The method of ``entry``, read once; None where it cannot be loaded, which the evaluation reports, and for frames
+    made elsewhere.
     """
     try:
         return load_method(MethodSpec.parse(entry.text).method)

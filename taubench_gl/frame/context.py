@@ -36,6 +36,7 @@ class FrameContext:
     light_rows: np.ndarray | None = None  # LIGHT records of this frame
     exact_light: bool = False  # path-traced direct light of punctual lights has no noise at the camera's vertex
     light_grid: LightCells | None = None  # by whose cells path tracing chooses lights
+    footprint: tuple[float, float] = (0.0, 0.0)  # ``pixel_footprint`` of the view, of path-traced light
     emitter_cells: int = 0  # row of ``light_cells`` at which those of emissive triangles begin
     casters: Casters | None = None
     tables: dict[str, Any] = field(default_factory=dict)  # textures and buffers that are no channels, by name

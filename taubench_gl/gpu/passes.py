@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.declare import BUFFER, IMAGE, TEXTURE, ComputePass, Pass, RasterPass, Resource
+from taubench_gl.gpu.declare import BUFFER, IMAGE, TEXTURE, ComputePass, Pass, RasterPass, Resource, Use
 from taubench_gl.gpu.hazards import COMMAND, FETCH, IMAGE_ACCESS, STORAGE, Hazards
 from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.shader import ShaderCache
@@ -106,12 +106,11 @@ class _Constants:
             buffer.release()
 
 
-def bind_uses(hazards: Hazards, declaration: Pass, resources: Mapping[str, Any]) -> None:
-    """Bind every texture, image and buffer of ``declaration``, after the barrier for what earlier passes wrote."""
-    uses = [(use, binding) for use, binding in declaration.bindings() if use.form in _WAYS]
-    hazards.before((resources[use.key], _WAYS[use.form]) for use, _ in uses)
-    for use, binding in uses:
-        resource = resources[use.key]
+def bind_uses(hazards: Hazards, bindings: Iterable[tuple[Use, int]], resources: Mapping[str, Any]) -> None:
+    """Bind every texture, image and buffer of a pass, after the barrier for what earlier passes wrote."""
+    uses = [(use, binding, resources[use.key]) for use, binding in bindings if use.form in _WAYS]
+    hazards.before((resource, _WAYS[use.form]) for use, _, resource in uses)
+    for use, binding, resource in uses:
         if use.form == TEXTURE:
             resource.use(binding)
         elif use.form == IMAGE:
@@ -128,7 +127,8 @@ class CompiledCompute:
         self._hazards = context.gpu.hazards
         self.program = context.shaders.compute(declaration.shaders[0], declaration.defines, declaration.interface())
         self._constants = _Constants(context.gpu, declaration)
-        self._uses = [use for use in declaration.uses if use.form in _WAYS]
+        self._bindings = declaration.bindings()
+        self._written = [(use.key, _WAYS[use.form]) for use in declaration.uses if use.form in _WAYS and use.writes]
 
     def run(
         self,
@@ -136,16 +136,20 @@ class CompiledCompute:
         resources: Mapping[str, Any],
         groups_at: tuple[str, int] | None = None,
         rows: int | None = None,
+        again: bool = False,
         **uniforms: Any,
     ) -> None:
         """Bind everything declared, wait for what earlier passes wrote, dispatch.
 
         ``frame`` goes to the fills of constants; ``resources``: textures and buffers by ``Use.key``.  ``groups_at``:
         the buffer, and the byte in it, that holds the numbers of work groups; ``rows``: of invocations; None: as
-        declared.
+        declared; ``again``: it was the pass before, with the same resources, so that all is bound.
         """
-        self._constants.bind(frame)
-        bind_uses(self._hazards, self.declaration, resources)
+        if again:
+            self._hazards.before((resources[key], way) for key, way in self._written)
+        else:
+            self._constants.bind(frame)
+            bind_uses(self._hazards, self._bindings, resources)
         for name, value in uniforms.items():
             self.program[name] = value
         if groups_at is None:
@@ -155,7 +159,7 @@ class CompiledCompute:
             buffer = resources[groups_at[0]]
             self._hazards.before([(buffer, COMMAND)])
             self.program.run_indirect(buffer, groups_at[1])
-        self._hazards.wrote(resources[use.key] for use in self._uses if use.writes)
+        self._hazards.wrote(resources[key] for key, _ in self._written)
 
     def release(self) -> None:
         """Free the constants; the program belongs to the shader cache."""

@@ -71,12 +71,16 @@ class Plot:
             if (plain := plain_text(text.get_text())) != text.get_text():
                 text.set_text(plain)
         files = [path.with_suffix(".png"), path.with_suffix(".svg")]
+        # One layout for both files, which savefig would make by drawing each of them twice.
+        self.figure.set_dpi(150)
+        if (engine := self.figure.get_layout_engine()) is not None:
+            engine.execute(self.figure)
+        self.figure.set_layout_engine(None)
         with matplotlib.rc_context({"svg.hashsalt": "taubench-gl"}):
             for file in files:
                 data, form = io.BytesIO(), file.suffix.removeprefix(".")
                 self.figure.savefig(data, format=form, dpi=150, metadata={"Date": None} if form == "svg" else None)
                 write_atomically(file, data.getvalue())
-                self.figure.set_layout_engine("none")  # both files have the layout of the first one
         return files
 
 

@@ -180,7 +180,7 @@ class SceneLight:
 
     def bind(self) -> None:
         """Bind everything that ``declaration`` names."""
-        bind_uses(self._hazards, self.declaration, self.resources)
+        bind_uses(self._hazards, self.declaration.bindings(), self.resources)
 
     def bound(self, form: str) -> int:
         """Units or binding points that ``declaration`` takes, of textures, images or buffers."""

@@ -163,6 +163,8 @@ class FrameTruth:
     emitters: Array | None = None  # (h, w) bool: the visible surface emits; None: none does, or it is not known
     halves: tuple[Array, Array] | None = None  # (h, w, 3) linear radiance of two independent halves of the reference
     events: Array | None = None  # (h, w) int of ``EventTracker``
+    measured: list[tuple[Displayed, dict[str, Any], dict[str, Array]]] = field(default_factory=list)
+    """Images of methods, with the same metrics, their measures and their map of FLIP."""
 
     @cached_property
     def scored(self) -> Array:
@@ -292,6 +294,10 @@ class MethodRecord:
         self, shown: Displayed, expected: Displayed, errors: dict[str, Array], reference: FrameTruth
     ) -> dict[str, Any]:
         """Measures of one image; adds the map of FLIP to ``errors``."""
+        for image, known, flip in reference.measured:  # frames without history are the input in most methods
+            if np.array_equal(image.radiance, shown.radiance) and np.array_equal(image.valid, shown.valid):
+                errors |= flip
+                return known
         scored = reference.scored
         out: dict[str, Any] = {n: float(errors[n][scored].mean()) for n in errors if n in quality.LINEAR}
         out["psnr_db"] = quality.psnr(float(errors["mse"].mean()))
@@ -309,6 +315,7 @@ class MethodRecord:
             out["relmse_trimmed"] = quality.trimmed_relative_error(*images, reference.gain)
         if self.perceptual.lpips is not None:
             out["lpips"] = self.perceptual.lpips(shown.colors, expected.colors)
+        reference.measured.append((shown, out, {name: errors[name] for name in ("flip",) if name in errors}))
         return out
 
     def _temporal(

@@ -12,7 +12,7 @@ from made_scenes import make_channel, make_scene, triangle, triangle_mesh
 from scipy.spatial.transform import Rotation
 
 from taubench_gl import math3d
-from taubench_gl.animation import Poser, pose_normals, pose_vertices, sample, skin_matrices
+from taubench_gl.animation import pose_normals, pose_vertices, sample, skin_matrices
 from taubench_gl.animation.curves import sample_channel
 from taubench_gl.scene.model import Camera, Light, Mesh, MorphTarget, Primitive, Skin
 
@@ -88,21 +88,6 @@ def test_animated_pose_equals_the_pose_of_the_sampled_values(seed, t):
     moving = sample(make_scene(parents, channels, **fields), t)
     frozen = sample(make_scene(parents, **still), 0.0)
     assert np.array_equal(moving.world, frozen.world)
-
-
-def test_pose_is_independent_of_earlier_samples():
-    channels = [make_channel(0, "translation", [0, 1], [[0, 0, 0], [1, 2, 3]])]
-    channels += [make_channel(1, "visible", [0, 1], [[1], [0]], "STEP")]
-    channels += [make_channel(0, "rotation", [0, 1], [HALF_Y, [0, 0, 0, 1]])]
-    scene = make_scene([-1, 0], channels)
-    poser = Poser(scene)
-    times = [0.9, 0.1, 1.0, 0.5, 0.1, 0.9]
-    for t in times:
-        state, fresh = poser.sample(t), sample(scene, t)
-        assert np.array_equal(state.world, fresh.world)
-        assert np.array_equal(state.visible, fresh.visible)
-        state.world[:] = np.nan  # changing a state does not affect others
-        state.visible[:] = False
 
 
 def test_camera_and_light_parameters_are_animated():

@@ -93,6 +93,8 @@ def gpu(monkeypatch):
     def capability_report(backend, device):
         if backend == "osmesa":
             raise GraphicsError("no OpenGL 4.5 context", hint="install it")
+        if backend == "egl":
+            raise KeyboardInterrupt
         return REPORT
 
     module.capability_report = capability_report
@@ -110,6 +112,11 @@ def test_doctor_prints_the_report(taubench, gpu):
 def test_doctor_without_opengl(taubench, gpu):
     code, out, err = taubench("doctor", "--backend", "osmesa")
     assert (code, out) == (2, "") and err.count("\n") == 1
+
+
+def test_an_interrupted_command_is_exit_code_130(taubench, gpu):
+    code, out, err = taubench("doctor", "--backend", "egl")
+    assert (code, out) == (130, "") and "Traceback" not in err
 
 
 @pytest.fixture

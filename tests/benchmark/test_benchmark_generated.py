@@ -15,6 +15,8 @@ from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import SettingsError
 from taubench_gl.report.benchmark import benchmark_sections, benchmark_tables
 
+pytestmark = pytest.mark.usefixtures("coarse_metering", "coarse_space")
+
 TRACK = "generated frames"
 GENERATING = {"extrapolate", "interpolate", "present-last", "space-warp"}
 

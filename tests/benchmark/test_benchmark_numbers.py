@@ -30,7 +30,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import frame_range
 from taubench_gl.scene import load_scene
 
-pytestmark = pytest.mark.usefixtures("coarse_metering")
+pytestmark = pytest.mark.usefixtures("coarse_metering", "coarse_space")
 
 HEAD = 'schema = "suite/1"\nname = "t"\nsize = "48x27"\nframes = 4\n'
 CASE = '[[cases]]\nscene = "demo"\ntrack = "noisy"\ninput = "noisy"\n'

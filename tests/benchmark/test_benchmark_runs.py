@@ -18,7 +18,7 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.study.progress import Progress
 from taubench_gl.study.store import RECORDS
 
-pytestmark = pytest.mark.usefixtures("coarse_light")
+pytestmark = pytest.mark.usefixtures("coarse_light", "coarse_metering", "coarse_space")
 
 SUITE = """schema = "suite/1"
 name = "tiny"

@@ -14,6 +14,8 @@ from taubench_gl.benchmark.unit import Entry, applicable, evaluate_case, inappli
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.report.benchmark import benchmark_sections
 
+pytestmark = pytest.mark.usefixtures("coarse_metering", "coarse_space")
+
 
 def tracks(entries, label):
     """Tracks of the quick suite in whose cases a method runs."""

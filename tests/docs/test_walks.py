@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from page_tools import opened
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT / "tests" / "report"))
 TEXT = (ROOT / "docs" / "walks.md").read_text(encoding="utf-8")
 WALKS = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", TEXT, re.MULTILINE | re.DOTALL))
 MARKED = re.compile(r"`(?P<code>[^`]+)`|(?P<drag>[Dd]rag )?\*\*(?P<bold>.+?)\*\*(?: is (?P<state>on|off)\b)?")
@@ -128,8 +128,6 @@ class Walker:
 
 @pytest.fixture
 def walker(tmp_path: Path, browser, display) -> Iterator[Walker]:
-    from page_tools import opened
-
     os.symlink(ROOT / "assets", tmp_path / "assets")
     with contextlib.ExitStack() as pages:
         open_one = contextlib.contextmanager(opened)

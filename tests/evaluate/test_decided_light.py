@@ -63,15 +63,6 @@ def test_columns_are_those_of_images_of_many_samples():
         assert ours[name] == images[name]
 
 
-def test_the_diffuse_lobe_of_a_diffuse_scene_has_its_columns():
-    settings = fixed_settings(**TRACED | {"width": 16, "height": 9})
-    summary = evaluate_scene(lamp_over_floor(), settings, sampled=True, lobes=("diffuse", "glossy")).summary
-    for bounce in RADIANCE_FEATURES:
-        whole = summary["discard"][bounce]["mean_percent"]
-        assert summary["lobes"]["diffuse"][bounce]["mean_percent"] == pytest.approx(whole, abs=1.0)
-        assert summary["lobes"]["glossy"][bounce]["mean_percent"] < max(whole, 1.0)
-
-
 def test_light_of_images_is_neither_decided_nor_sampled():
     plans = {"path-traced": LightPlan.DECIDED, "auto": LightPlan.SAMPLED, "preview": LightPlan.PREVIEW}
     plans["raster"] = LightPlan.FIXED

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 from fixed import fixed_settings
 from lamp_scenes import matte_room
@@ -18,6 +17,7 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.run import load_run
 from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS
 from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
+from taubench_gl.selftest.scenes import sky_file
 from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
@@ -102,25 +102,21 @@ def test_light_of_the_same_points():
     assert still["exact"]["misregistered"]["indirect"]["mean_percent"] is None
 
 
-def test_a_direction_keeps_its_sky(tmp_path):
+def test_a_direction_keeps_its_sky():
     """Every color discard of a sky beside a turning camera is misregistration: texels are seen between pixels."""
-    path = str(tmp_path / "sky.exr")
-    image = oiio.ImageOutput.create(path)
-    assert image.open(path, oiio.ImageSpec(64, 32, 3, "float"))
-    assert image.write_image(np.random.default_rng(3).random((32, 64, 3), dtype=np.float32))
-    image.close()
     b, seen = SceneBuilder(), []
     b.node(mesh=b.mesh(quad(1.0, 1.0)), translation=(0.0, 0.0, 50.0))
     b.animate(b.camera(), "rotation", [0.0, 1.0], [turn_x(20.0), turn_x(10.0)])
     own = {"columns": ("frustum", "position", "normal", "color"), "thresholds": {"color": 0.01}}
-    own |= {"environment": path}
 
     def on_pair(pair):
         bits = pair.read("prev_visibility")[..., 0]
         discarded = ((pair.mask & Reason.COLOR) != 0) & ((bits & Visibility.VISIBLE) != 0)
         seen.append((np.count_nonzero(discarded), pair.row["misregistered_color"]))
 
-    evaluate_scene(b.build(), settings(fps=2.0, frames=(0, 3), exact=True, **own), Observers(on_pair=on_pair))
+    with sky_file(np.random.default_rng(3).random((32, 64, 3))) as path:
+        chosen = settings(fps=2.0, frames=(0, 3), exact=True, environment=path, **own)
+        evaluate_scene(b.build(), chosen, Observers(on_pair=on_pair))
     assert len(seen) == 2 and all(count > 50 and found == count for count, found in seen)
 
 

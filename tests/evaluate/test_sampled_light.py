@@ -16,12 +16,11 @@ from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Readback, evaluate_scene, open_session, sampled_light
 from taubench_gl.evaluation.brightness import Brightness
-from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, PreviewPair, read_preview
-from taubench_gl.evaluation.sampled_light import RoundSizes, round_of, visit_sizes
+from taubench_gl.evaluation.decided_pixels import DecidedPixels, PreviewPair, read_preview
+from taubench_gl.evaluation.sampled_light import RoundSizes, round_of
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import load_run
-from taubench_gl.settings import Settings
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
 SMALL = {"width": 32, "height": 18, "light": "auto"}
@@ -46,18 +45,6 @@ def decided(session, frame, limit, columns=("direct", "indirect", "color")):
         rows, across = np.nonzero(pair.traced)
         at = np.stack([across, rows], axis=-1)
         return pair, at, pixels.decide(at, limit, np.random.default_rng(1).random(len(at)), halves=True)
-
-
-def test_light_without_noise_is_decided_by_the_least_samples_as_the_preview_says():
-    """Shadow rays and shadow maps differ in texels beside edges."""
-    with opened(lamp_over_floor()) as session:
-        pair, at, found = decided(session, 1, 512, ("direct",))
-    assert (found.samples[found.audited == 0.0] == LEAST).all() and not found.undecided.any()
-    preview = pair.words[at[:, 1], at[:, 0]]
-    bit = np.uint32(FEATURE_BIT["direct"])
-    assert np.mean((preview ^ found.end.words) & bit != 0) < 0.02
-    assert np.mean(found.end.words & bit != 0) > 0.05
-    assert np.median(np.abs(found.end.distances["direct"] - pair.distances["direct"][at[:, 1], at[:, 0]])) < 1e-3
 
 
 @pytest.mark.parametrize("emits", [0.0, 40.0])
@@ -193,13 +180,6 @@ def test_rounds_visit_other_pairs_until_all_had_a_visit():
     assert {row for row, _ in visits[:20]} == set(range(20)) and {number for _, number in visits[:20]} == {0}
     assert visits[:8] != [visit for visit in round_of(0, 20, seed=1)]
     assert round_of(3, 2, seed=0)[0][1] == 3
-
-
-def test_rounds_visit_more_pairs_where_previews_are_kept():
-    """Half as many pixels in all; images that are too large to keep, and few pairs, have rounds of the usual size."""
-    small, large = (Settings(width=w, height=w) for w in (64, 2048))
-    assert visit_sizes(small, 24) == (24, 21) and visit_sizes(small, 200) == (32, 16)
-    assert visit_sizes(large, 24) == visit_sizes(small, 8) == (8, 128) and visit_sizes(small, 6) == (6, 128)
 
 
 def test_kept_previews_are_those_that_visits_draw(monkeypatch):

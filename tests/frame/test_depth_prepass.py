@@ -9,10 +9,11 @@ import pytest
 from frame_tools import FormulaCamera, make_scene, picture, primitive, quad, still_camera
 
 from taubench_gl.channels import CHANNELS
+from taubench_gl.frame.materials import has_plain_uv
 from taubench_gl.frame.passes import gbuffer
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.scene.model import Camera, Material, Texture
+from taubench_gl.scene.model import Camera, Material, Sampler, Texture
 
 SIZE = (160, 96)
 LENS = Camera(yfov=0.9, znear=0.05, zfar=200.0)
@@ -32,7 +33,7 @@ def frames(gpu, scene, camera, *, per_triangle: int | None = None, times=(0.0,),
             with query:
                 renderer.draw(time, time - 1 / 24)
             out |= {(time, n): renderer.read(n) for n in renderer.channels}
-        facts = query.samples, renderer.buffers.shown_triangles, len(renderer._gbuffer._own.shaders) > 0
+        facts = query.samples, renderer.buffers.shown_triangles, len(renderer._gbuffer._prepass_context.shaders) > 0
         return out, facts
     finally:
         renderer.release()
@@ -109,6 +110,27 @@ def test_many_small_triangles_are_drawn_once(gpu):
 
 
 # -------------------------------------------------------------------------------------------------- plain coordinates
+
+
+MIRRORED = Sampler(wrap_s=33648)
+MOVED = np.array([[1.0, 0, 0.25], [0, 1, 0]])
+
+
+@pytest.mark.parametrize(
+    ("texture", "plain"),
+    [
+        (Texture(0), True),
+        (Texture(0, texcoord=1), False),
+        (Texture(0, sampler=MIRRORED), False),
+        (Texture(0, sampler=Sampler(wrap_t=33648)), False),
+        (Texture(0, sampler=Sampler(wrap_s=33071)), True),
+        (Texture(0, uv_transform=MOVED), False),
+    ],
+)
+def test_which_textures_lie_on_plain_coordinates(texture, plain):
+    material = Material(base_color_texture=Texture(0), normal_texture=texture)
+    assert has_plain_uv(material, ("base_color", "normal")) is plain
+    assert has_plain_uv(material, ("base_color",))  # only what is sampled counts
 
 
 def test_plain_coordinates_give_the_bits_of_general_ones(gpu):

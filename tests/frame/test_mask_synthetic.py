@@ -193,19 +193,6 @@ def _close(values, expected, comparable) -> None:
     assert differ.mean() <= FLIPS
 
 
-def test_what_is_behind_is_decided_before_dividing(gpu) -> None:
-    """A step forward past the near surfaces: they are behind the previous near plane or camera; motion is 0 there."""
-    rng = np.random.default_rng(5)
-    now_view, then_view = views(turn=95.0, step=(0, 0, 0))
-    pair = pair_matrices(now_view, then_view, *SIZE)
-    got = evaluate(gpu, frame(rng, now_view, 0), frame(rng, then_view, 0), pair)
-    reference = pair_masks(got.current, got.history, pair, THRESHOLDS)
-    behind = got.mask & Reason.BEHIND > 0
-    assert 0.2 < behind.mean() < 1
-    assert (behind != (reference.mask & Reason.BEHIND > 0)).mean() <= FLIPS
-    assert not got.motion[behind].any() and np.isfinite(got.motion).all()
-
-
 @pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
 def test_surfaces_without_history_are_cut_alone(gpu, sampling: str) -> None:
     """Marked surfaces are CUT and nothing else; marks on sky and on broken pixels mean nothing; the rest is as ever."""
@@ -230,38 +217,6 @@ def test_surfaces_without_history_are_cut_alone(gpu, sampling: str) -> None:
     assert counts["cut"] == cut.sum() and not got.motion[cut].any()
     assert sum(counts[name] for name in ("cut", "invalid", "frustum", "comparable")) == counts["pixels"]
     assert (got.mask != reference.mask).mean() <= FLIPS
-
-
-@pytest.mark.parametrize("declared", [Reason.FIRST, Reason.CUT])
-def test_a_declared_frame_compares_nothing(gpu, declared: Reason) -> None:
-    rng = np.random.default_rng(6)
-    now_view, then_view = views()
-    pair = pair_matrices(now_view, then_view, *SIZE)
-    got = evaluate(gpu, frame(rng, now_view, 0.1), frame(rng, then_view, 0.1), pair, declared=int(declared))
-    assert np.all(got.mask & NOT_COMPARABLE == declared)
-    assert not got.histograms.any()
-    counts = counts_of(got.mask_histogram)
-    assert counts[declared.name.lower()] == counts["pixels"]
-
-
-def test_one_broken_value_is_one_invalid_pixel(gpu) -> None:
-    """Still camera, one NaN: in the current frame it costs its own pixel, in the history the one that reads it."""
-    rng = np.random.default_rng(7)
-    view = views()[1]
-    pair = pair_matrices(view, view, *SIZE)
-    clean = frame(rng, view, 0)
-    for name in ("position", "normal", *LIGHT_FEATURES):
-        for broken_now in (True, False):
-            for value in (np.nan, np.inf):
-                spoiled = {n: v.copy() for n, v in clean.items()}
-                spoiled[name][40, 60, 1] = value
-                pairs = (spoiled, clean) if broken_now else (clean, spoiled)
-                for sampling in ("nearest", "bilinear"):
-                    got = evaluate(gpu, *pairs, pair, sampling=sampling)
-                    expected = np.zeros_like(got.mask, dtype=bool)
-                    expected[40, 60] = True
-                    np.testing.assert_array_equal(got.mask & Reason.INVALID > 0, expected)
-                    np.testing.assert_array_equal(got.mask[~expected] & ~np.uint32(Reason.SKY | Reason.HISTORY_SKY), 0)
 
 
 def test_an_invalid_pixel_is_sky_where_its_position_is_known(gpu) -> None:

@@ -58,13 +58,6 @@ def test_instances_are_copies(gpu) -> None:
     assert set(np.unique(ids)) - {0} <= set(range(1, 8)) and len(np.unique(ids)) > 5
 
 
-def test_the_order_of_draws_does_not_matter(gpu) -> None:
-    at, shapes = places(6), [blob(i, smooth=i % 2 == 0) for i in range(6)]
-    forward = channels_of(gpu, make_scene(*shapes, matrices=at))
-    backward = channels_of(gpu, make_scene(*shapes[::-1], matrices=at[::-1]))
-    assert_same(forward, backward)
-
-
 @pytest.mark.parametrize("smooth", [True, False])
 def test_posed_and_rigid_are_one_surface(gpu, smooth: bool) -> None:
     """A morph of nothing, and a skin of one joint, draw what the rigid object draws."""

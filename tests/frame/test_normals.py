@@ -20,7 +20,7 @@ from frame_tools import (
 from taubench_gl.frame.geometry import make_tangents
 from taubench_gl.math3d import affine
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.model import Camera, Material, MorphTarget, Texture
+from taubench_gl.scene.model import Camera, Material, Texture
 
 SIZE = (64, 36)
 LENS = Camera(yfov=1.0, znear=0.01, zfar=100.0)
@@ -92,19 +92,6 @@ def test_sides(gpu, smooth: bool, mirror: float) -> None:
         np.testing.assert_allclose(middle(gpu, scene, **back, culling="none"), [0, 0, -1], atol=1e-7)
 
 
-@pytest.mark.parametrize("scale", [(0, 0, 0), (1, 0, 1), (0, 1, 1)])
-def test_zero_scale_draws_nothing(gpu, scale) -> None:
-    scene = placed(np.diag(np.array(scale, float)), tilted(True), wall(), materials=())
-    channels, _ = draw_frame(gpu, scene, still_camera(LENS), SIZE, ("position", "normal"), culling="none")
-    assert not channels["position"].any()
-
-
-def test_flattened_onto_a_plane_keeps_that_planes_normal(gpu) -> None:
-    """Scale (1, 1, 0): the cofactors still know where the surface faces."""
-    scene = placed(np.diag([1.0, 1.0, 0.0]), tilted(True, 0.5))
-    np.testing.assert_allclose(middle(gpu, scene), [0, 0, 1], atol=1e-6)
-
-
 TILT = np.array([0.6, 0.48, 0.64])  # a unit vector in tangent space: right, up, out
 
 
@@ -169,23 +156,3 @@ def test_made_tangents_agree_with_exporters(data, name: str) -> None:
             made = make_tangents(p.positions, p.normals, p.texcoords[0], p.triangles)
             assert (made[:, 3] == p.tangents[:, 3]).mean() > 0.99
             assert np.median(np.sum(made[:, :3] * p.tangents[:, :3], axis=-1)) > 0.999
-
-
-def test_morphed_normals(gpu) -> None:
-    """A morph that leans the wall takes its normals along; one without normal displacements leaves them."""
-    lean = np.array([[0, 0, 1], [0, 0, -1], [0, 0, -1], [0, 0, 1]], dtype=np.float32)
-    normal = np.array([1, 0, 1]) / np.sqrt(2)
-    turned = np.tile(normal - [0, 0, 1], (4, 1)).astype(np.float32)
-    for displacement, weight, expected in (
-        (turned, 1.0, normal),
-        (turned, 0.5, (normal + [0, 0, 1]) / np.linalg.norm(normal + [0, 0, 1])),
-        (None, 1.0, np.array([0.0, 0, 1])),
-    ):
-        shape = wall(normals=np.tile([0, 0, 1], (4, 1)).astype(np.float32), targets=(MorphTarget(lean, displacement),))
-        scene = make_scene(shape, matrices=[AHEAD])
-        scene.nodes.weights[1] = np.array([weight])
-        np.testing.assert_allclose(middle(gpu, scene), expected, atol=1e-6)
-    # Without vertex normals, the morphed triangles have their own.
-    scene = make_scene(wall(targets=(MorphTarget(lean, None),)), matrices=[AHEAD])
-    scene.nodes.weights[1] = np.array([1.0])
-    np.testing.assert_allclose(middle(gpu, scene), normal, atol=1e-6)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -39,21 +38,15 @@ print(json.dumps({{"pairs": run.summary["pairs"], "rss": seen, "left": left, "er
 """
 
 
-def long_run(frames: int, tmp_path: Path) -> dict:
+@pytest.mark.long
+def test_memory_over_10000_frames(tmp_path):
+    """After the first tenth only the table of results and Python's arenas grow."""
+    frames, per_pair = 10_000, 6 * 1024
     code = RUNNER.format(frames=frames, out=str(tmp_path))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=3600)
     assert done.returncode == 0, done.stderr[-3000:]
-    return json.loads(done.stdout.splitlines()[-1])
-
-
-def check(report: dict, frames: int, per_pair: int) -> None:
-    """After the first tenth only the table of results and Python's arenas grow."""
+    report = json.loads(done.stdout.splitlines()[-1])
     assert report["pairs"] == frames - 1 and report["error"] == "GL_NO_ERROR"
     first, last = report["rss"][1], report["rss"][-1]
     assert last - first <= 2**20 + per_pair * frames, f"grew by {(last - first) / 1024:.0f} KiB: {report['rss']}"
     assert report["left"] == 0, "GL objects that were not released"
-
-
-@pytest.mark.long
-def test_memory_over_10000_frames(tmp_path):
-    check(long_run(10_000, tmp_path), 10_000, per_pair=6 * 1024)

@@ -163,29 +163,6 @@ def test_a_forked_child_of_a_process_with_a_context_gets_one_clear_line(tmp_path
     assert done.returncode == 0, done.stderr
 
 
-def test_depth_runs_from_zero_to_one(gpu: Gpu) -> None:
-    """glClipControl took hold: NDC depth 0.25 is written as 0.25, not 0.625."""
-    ctx = gpu.ctx
-    depth = gpu.depth_texture((1, 1))
-    target = ctx.framebuffer([ctx.texture((1, 1), 4)], depth)
-    program = ctx.program(
-        vertex_shader="#version 450\nin vec2 p;\nvoid main() { gl_Position = vec4(p, 0.25, 1.0); }",
-        fragment_shader="#version 450\nout vec4 c;\nvoid main() { c = vec4(1.0); }",
-    )
-    points = ctx.buffer(np.array([-1, -1, 3, -1, -1, 3], "f4").tobytes())
-    triangle = ctx.vertex_array(program, [(points, "2f", "p")])
-    target.use()
-    target.clear(depth=0.0)
-    ctx.enable_only(moderngl.DEPTH_TEST)
-    ctx.depth_func = ">"
-    triangle.render(moderngl.TRIANGLES)
-    assert np.frombuffer(depth.read(), "f4")[0] == pytest.approx(0.25, abs=1e-6)
-    gpu.unbind_framebuffer()
-    for item in (triangle, points, program, target, depth):
-        item.release()
-    gpu.collect()
-
-
 def test_an_unproven_timer_is_not_used(gpu: Gpu) -> None:
     verdict = probe_timer(gpu)
     assert verdict.usable == (0.5 * verdict.wall_ms <= verdict.gpu_ms <= 1.5 * verdict.wall_ms)

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from fixed import fixed_settings
-from repeated import few
 
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
@@ -16,7 +15,6 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene.builder import SceneBuilder, box, quad
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.indirect import SCREEN, SCREEN_ALBEDO, lamp_beside_a_wall, light_of_the_wall
 
 SIZE = (64, 48)
 ALBEDO = 0.6
@@ -170,22 +168,6 @@ def conserved(bounces: int) -> float:
     return 4 * np.pi * sum(ALBEDO**k for k in range(1, bounces + 1)) / 24.0
 
 
-@pytest.mark.parametrize(("method", "bounces"), [("rsm", 1), ("probes", 4)])
-@pytest.mark.parametrize(("lights", "shadowed"), [(1, 8), *few([(30, 8), (1, 0), (400, 0)])])
-def test_a_closed_box_conserves_flux(method, bounces, lights, shadowed):
-    """With one light that has maps, with more, and by patches; 400 lights take three dispatches."""
-    s, turns = closed_box(lights, spread=0.1 * (lights > 1)), range(4)
-    camera = s.camera(yfov=np.radians(90), znear=0.01)
-    s.animate(camera, "rotation", [k / 24 for k in turns], [turn_y(90 * k) for k in turns], "STEP")
-    settings = {"indirect_samples": 2400, "probes": 1000, "shadow_lights": shadowed, "shadow_size": 64}
-    with opened(s.build(), indirect=method, **settings) as source:
-        means = []
-        for frame in turns:
-            source.advance(frame)
-            means.append(wall_irradiance({name: source.read(name) for name in ("position", "indirect")}))
-    assert np.mean(means) == pytest.approx(conserved(bounces), rel=0.06 if (lights, shadowed) == (1, 8) else 0.08)
-
-
 @pytest.mark.parametrize(("lit", "off"), [(4, 0), (1, 3)])
 def test_bounces_count_a_wall_once_however_many_lights_see_it(lit, off):
     """The closed box again, its lamp split into parts or beside others that are off: the same flux, the same light."""
@@ -227,30 +209,6 @@ def test_a_light_inside_a_bulb_stays_inside(x):
     open_light = ALBEDO * 10.0 * 4 * np.pi / 96.0 * ALBEDO / np.pi  # what the room would show without the bulb
     assert got["direct"][..., :3].max() == 0.0
     assert got["indirect"][..., :3].max() < 0.02 * open_light
-
-
-@pytest.mark.parametrize("x", few([-3.97, -3.89]))
-@pytest.mark.parametrize("way", few(["towards", "along"]))
-def test_a_lamp_that_passes_close_to_a_wall_keeps_the_light_of_the_wall(x, way):
-    """However the wall lies in the voxels: the light of the wall changes from frame to frame as its integral does.
-    Tolerances: the texels of the lamp's map and the probes."""
-    places = np.tile([x, 1.3, 0.1], (8, 1))
-    if way == "towards":
-        places[:, 0] += np.geomspace(1.0, 0.05, len(places))
-    else:  # past the wall, 0.08 m from it where it is nearest
-        places[:, 2] = np.linspace(-0.7, 0.6, len(places))
-        places[:, 0] += 0.08 + 0.5 * np.abs(places[:, 2])
-    scene, measured, expected = lamp_beside_a_wall(x, places, 24.0), [], []
-    with opened(scene, indirect="probes", indirect_samples=2400, probes=1000) as source:
-        for frame, place in enumerate(places):
-            view = source.advance(frame)
-            points = (source.read("position")[..., :3] + view.position)[::12, ::12].reshape(-1, 3)
-            measured.append(source.read("indirect")[..., 0].mean() * np.pi / SCREEN_ALBEDO)
-            expected.append(light_of_the_wall(x, place, points))
-    ratio = np.array(measured) / expected
-    assert np.allclose(points[:, 0], SCREEN, atol=1e-5)
-    assert np.all(np.abs(ratio - 1.0) < 0.07), ratio
-    assert np.all(np.abs(ratio[1:] / ratio[:-1] - 1.0) < 0.04), ratio
 
 
 @pytest.mark.parametrize(("kind", "solid_angle"), [("point", 4 * np.pi), ("spot", 2 * np.pi)])

@@ -11,7 +11,7 @@ from references.punctual import incident
 from repeated import few
 
 from taubench_gl import math3d
-from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE, SurfaceMaterial, evaluate_brdf
+from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
 from taubench_gl.scene.builder import SceneBuilder, sphere
 from taubench_gl.scene.model import Light, Scene
 
@@ -38,11 +38,8 @@ def lit_floor(light: Light, *, place=PLACE, aim=AIM, **material) -> Scene:
     return b.build()
 
 
-def closed_form(light: Light, points: np.ndarray, cone=None) -> np.ndarray:
-    """albedo / pi times irradiance of the plane y = 0, written out from KHR_lights_punctual, not from the reference.
-
-    ``cone``: another falloff, of the light and the cosine of the angle to its axis.
-    """
+def closed_form(light: Light, points: np.ndarray) -> np.ndarray:
+    """albedo / pi times irradiance of the plane y = 0, written out from KHR_lights_punctual, not from the reference."""
     cosine = np.full(points.shape[:-1], -AIM[1])
     gain = np.ones(points.shape[:-1])
     if light.kind != "directional":
@@ -54,30 +51,9 @@ def closed_form(light: Light, points: np.ndarray, cone=None) -> np.ndarray:
             gain = gain * np.clip(1.0 - (d / light.range) ** 4, 0.0, 1.0)
         if light.kind == "spot":
             toward = np.sum(-offset * AIM, axis=-1) / d
-            gain = gain * (cone or recommended_cone)(light, toward)
+            inner, outer = np.cos(light.inner_cone), np.cos(light.outer_cone)
+            gain = gain * np.clip((toward - outer) / max(inner - outer, 1e-3), 0.0, 1.0) ** 2
     return ALBEDO / np.pi * (light.intensity * cosine * gain)[..., None] * np.array(light.color)
-
-
-def recommended_cone(light: Light, cosine: np.ndarray) -> np.ndarray:
-    """KHR_lights_punctual."""
-    inner, outer = np.cos(light.inner_cone), np.cos(light.outer_cone)
-    return np.clip((cosine - outer) / max(inner - outer, 1e-3), 0.0, 1.0) ** 2
-
-
-def cycles_cone(light: Light, cosine: np.ndarray) -> np.ndarray:
-    """Cycles' smoothstep over the share ``blend`` of 1 - cos(outer); Blender writes inner = outer (1 - blend)."""
-    blend, outer = 1.0 - light.inner_cone / light.outer_cone, np.cos(light.outer_cone)
-    x = np.clip((cosine - outer) / max((1.0 - outer) * blend, 1e-3), 0.0, 1.0)
-    return x * x * (3.0 - 2.0 * x)
-
-
-@pytest.mark.parametrize("inner", [0.0, 0.2, 0.55, 0.6])
-def test_a_spot_in_watts_has_the_cone_of_cycles(gpu, inner):
-    light = Light(kind="spot", intensity=50.0 * 683.0, inner_cone=inner, outer_cone=0.6)
-    shot = picture(gpu, lit_floor(light), shadow_lights=0, light_unit="watt")
-    expected = closed_form(light, shot.points, cycles_cone) / 683.0
-    lit = shot.surface & (expected.max(axis=-1) > 1e-2 * expected.max())
-    assert worst(shot.direct, expected, lit) < 5e-3 and lit.any()
 
 
 @pytest.mark.parametrize("name", LIGHTS)
@@ -176,21 +152,6 @@ def uniform_sky_ball(base: float, *, roughness: float, metallic: float, specular
     return b.build()
 
 
-@pytest.mark.parametrize("albedo", [1.0, 0.25])
-def test_furnace(gpu, albedo):
-    """A convex Lambert body under a uniform sky L shows L * albedo everywhere, and the sky shows L."""
-    sky = (0.5, 0.25, 1.0)
-    scene = uniform_sky_ball(albedo, roughness=1.0, metallic=0.0, specular=0.0)
-    shot = picture(gpu, scene, environment=sky, columns=("frustum", "direct", "color"))
-    assert 0.2 < shot.surface.mean() < 0.8
-    expected = np.broadcast_to(albedo * np.array(sky), shot.direct.shape)
-    assert worst(shot.direct, expected, shot.surface) < 5e-3
-    from taubench_gl.metrics.color import display_color
-
-    shown = np.where(shot.surface[..., None], albedo * np.array(sky), np.array(sky))
-    assert np.abs(shot["color"][..., :3] - display_color(shown)).max() < 1e-3
-
-
 @pytest.mark.parametrize("roughness", few([0.3, 1.0, 0.6]))
 @pytest.mark.parametrize(("metallic", "specular"), [(1.0, 1.0), (0.0, 1.0)])
 def test_sky_light_is_the_lobes_hemisphere_integral(gpu, roughness, metallic, specular):
@@ -215,18 +176,6 @@ def test_sky_light_is_the_lobes_hemisphere_integral(gpu, roughness, metallic, sp
         diffuse, glossy = integrate_hemisphere(lobe, 500)
         assert shot["direct_glossy"][y, x, 0] == pytest.approx(float(glossy), abs=0.01)
         assert shot["direct_diffuse"][y, x, 0] == pytest.approx(float(diffuse), abs=0.005)
-
-
-@pytest.mark.parametrize("height", [0.0, 1e-6, 1e-3, 0.01])
-def test_a_light_at_the_surface_is_finite(gpu, height):
-    b = SceneBuilder()
-    floor(b, material=lambert(b, ALBEDO))
-    b.light(translation=(0.0, height, 0.0), kind="point", intensity=1e4)
-    look(b, (0.0, 0.3, 0.3), (0.0, 0.0, 0.0), yfov=0.5)
-    for shadows in (0, 1):
-        shot = picture(gpu, b.build(), shadow_lights=shadows, width=65, height=49)
-        assert np.all(np.isfinite(shot.direct))
-        assert shot.direct.max() <= ALBEDO / np.pi * 1e4 / MIN_LIGHT_DISTANCE**2
 
 
 @pytest.mark.parametrize("intensity", [1e-8, 1.0, 1e8])

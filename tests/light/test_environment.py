@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fixed import fixed_settings
-from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot, worst
+from light_tools import floor, lambert, look, look_down, opened, picture, shoot, worst
 from references.environment import glossy_radiance
 from repeated import few
 
@@ -160,14 +160,6 @@ def ball_scene(**material) -> Scene:
     return b.build()
 
 
-def cosine_sky(axis: np.ndarray, height: int = 128) -> np.ndarray:
-    """Radiance max(cos, 0) around ``axis``."""
-    return np.repeat(np.maximum(directions(height) @ axis, 0.0)[..., None], 3, axis=-1)
-
-
-AXIS = np.array([0.48, 0.6, 0.64])
-
-
 @pytest.mark.parametrize(
     "material", few([{"specular": 1.0, "roughness": 0.3}, {"metallic": 1.0, "roughness": 0.7}, {}])
 )
@@ -180,15 +172,6 @@ def test_a_uniform_image_is_the_uniform_environment(gpu, tmp_path, material):
     )
     assert worst(image.direct, uniform.direct, image.surface) < 1e-5
     assert np.abs(image["color"] - uniform["color"]).max() < 1e-5, "surfaces and sky pixels"
-
-
-def test_a_diffuse_ball_in_a_cosine_lobe_is_the_closed_form(gpu, tmp_path):
-    """The integral of max(l.a, 0) max(l.n, 0) is 2/3 ((pi - g) cos g + sin g), g the angle between a and n."""
-    path = image_file(tmp_path, cosine_sky(AXIS))
-    shot = picture(gpu, ball_scene(), environment=path, storage="float")
-    g = np.arccos(np.clip(shot["normal"][..., :3] @ AXIS, -1.0, 1.0))
-    expected = BALL / np.pi * 2.0 / 3.0 * ((np.pi - g) * np.cos(g) + np.sin(g))
-    assert np.abs(shot.direct - expected[..., None])[shot.surface].max() < 1e-3
 
 
 @pytest.mark.parametrize(("metallic", "roughness"), few([(0.0, 0.3125), (1.0, 0.0625), (0.0, 0.0), (1.0, 1.0)], 1))
@@ -221,36 +204,6 @@ def bilinear_albedo(roughness: float, n_v: np.ndarray) -> np.ndarray:
     r = min(int(rows), last - 1)
     row = table[r] * (1.0 - (rows - r)) + table[r + 1] * (rows - r)
     return np.stack([np.interp(n_v * last, np.arange(last + 1), row[:, c]) for c in range(4)], axis=-1)
-
-
-TOWARD = {"+X": (1, 0, 0), "-X": (-1, 0, 0), "+Y": (0, 1, 0), "-Y": (0, -1, 0), "+Z": (0, 0, 1), "-Z": (0, 0, -1)}
-COLUMN = {"+X": 0.5, "-X": 0.0, "+Z": 0.75, "-Z": 0.25, "+Y": 0.1, "-Y": 0.1}
-
-
-@pytest.mark.parametrize("side", few(TOWARD, 3))
-def test_one_bright_pixel_lights_the_side_that_faces_it_and_is_seen_there(gpu, tmp_path, side):
-    """The center of the image is +X, a quarter of its width to the right is +Z, its top is +Y."""
-    radiance = np.zeros((WIDE // 2, WIDE, 3))
-    row = {"+Y": 0, "-Y": WIDE // 2 - 1}.get(side, WIDE // 4)
-    column = int(COLUMN[side] * WIDE)
-    radiance[row, column] = 1000.0
-    path = image_file(tmp_path, radiance)
-    toward = np.array(TOWARD[side], dtype=float)
-    shot = picture(gpu, ball_scene(), environment=path, storage="float")
-    cosine = shot["normal"][..., :3] @ directions(WIDE // 2)[row, column]
-    assert directions(WIDE // 2)[row, column] @ toward > 0.99
-    assert np.all(shot.direct[shot.surface & (cosine < -0.1)] < 1e-6)
-    facing_it = shot.surface & (cosine > 0.2)
-    # Irradiance of one pixel: radiance, solid angle, cosine.  At the poles its centroid is 0.9 degrees from its center.
-    expected = BALL / np.pi * 1000.0 * solid_angles(WIDE // 2)[row] * cosine
-    ratio = shot.direct[..., 0][facing_it] / expected[facing_it]
-    assert np.abs(ratio - 1.0).max(initial=0.0) < (0.1 if "Y" in side else 0.02)
-    b = SceneBuilder()
-    b.node(mesh=b.mesh(replace(sphere(0.01), material=lambert(b))), translation=-50.0 * toward)
-    b.camera(rotation=facing(toward), yfov=0.6)
-    seen = picture(gpu, b.build(), environment=path, columns=("direct", "color"))["color"][..., 0]
-    rows, columns = np.nonzero(seen > 0.5)
-    assert len(rows) and abs(rows.mean() - 23.5) < 10 and abs(columns.mean() - 31.5) < 10
 
 
 def test_sky_pixels_show_the_image_exposed(gpu, tmp_path):
@@ -292,7 +245,8 @@ def test_a_parallel_camera_sees_one_direction(gpu, tmp_path):
     b = SceneBuilder()
     floor(b, 0.5, material=lambert(b))
     look_down(b, 2.0)
-    path = image_file(tmp_path, cosine_sky(np.array([0.0, -1.0, 0.0])))
+    downwards = np.maximum(-directions(128)[..., 1:2], 0.0)
+    path = image_file(tmp_path, np.repeat(downwards, 3, axis=-1))
     shot = picture(gpu, b.build(), environment=path, columns=("direct", "color"))
     sky = shot["color"][~shot.surface][:, :3]
     assert len(sky) and np.ptp(sky) == 0 and sky.max() > 0.99

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from dataclasses import replace
 from functools import partial
@@ -136,15 +135,6 @@ def test_a_channel_is_allocated_only_where_a_pass_reads_or_writes_it():
     spec = frame_spec(AnimatedScene(everything()), fixed_settings(**SIZE, columns=("frustum", "position")))
     assert frame_channels(spec) == ("position", "normal")
     assert frame_channels(replace(spec, extra=("ids",))) == ("position", "normal", "ids")
-
-
-def test_inspect_reports_effects_as_json():
-    facts = json.loads(json.dumps(describe(everything(), fixed_settings(**SIZE))))
-    assert facts["effects"]["shadows"]["on"] is True and facts["effects"]["shadows"]["gpu_bytes"] > 0
-    assert facts["effects"]["skinning"] == {
-        "on": False, "reason": "no skins deform drawn meshes", "passes": [], "textures": [], "shaders": [],
-        "gpu_bytes": 0,
-    }  # fmt: skip
 
 
 def test_inspect_needs_no_context(monkeypatch):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from light_tools import facing, floor, lambert, opened, shoot
 
+from taubench_gl.frame.materials import MaterialKey
+from taubench_gl.frame.passes.gbuffer import geometry_variant
+from taubench_gl.frame.passes.shadows import merged
+from taubench_gl.frame.scene_buffers import Group
 from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_y
 from taubench_gl.scene.model import Scene
 
@@ -69,11 +72,26 @@ def test_a_light_that_is_off_draws_no_map(gpu):
     assert counts == [(6, True), (0, True), (0, False), (0, False)]
 
 
-def test_the_cache_does_not_show(gpu):
-    """Bit for bit: a frame after others is that frame drawn alone, whatever the cache held."""
-    scene = street(move_box=True, move_light=True)
-    with opened(gpu, scene, **SIZE) as source:
-        walked = {frame: shoot(source, frame).direct for frame in (0, 3, 12, 21)}
-    for frame in (12, 21):
-        with opened(gpu, scene, **SIZE) as source:
-            assert np.array_equal(walked[frame], shoot(source, frame).direct), f"frame {frame}"
+OPAQUE, MASKED = (
+    geometry_variant(MaterialKey((), False, True), False),
+    geometry_variant(MaterialKey((), True, True), False),
+)
+
+
+@pytest.mark.parametrize(
+    ("variants", "expected"),
+    [
+        ([OPAQUE, OPAQUE, OPAQUE], [(0, 0, 6)]),
+        ([OPAQUE, MASKED, MASKED], [(0, 0, 2), (1, 2, 2), (2, 4, 2)]),  # the mask is the material's
+        ([OPAQUE, MASKED, OPAQUE], [(0, 0, 2), (1, 2, 2), (2, 4, 2)]),
+    ],
+)
+def test_groups_that_read_no_material_are_one_draw(variants, expected):
+    groups = [Group(False, i, False, False, 2 * i, 2) for i in range(3)]
+    drawn = merged([(g, g.first, g.count) for g in groups], lambda group: (variants[group.material], ()))
+    assert [(group.material, first, count) for group, _, first, count in drawn] == expected
+
+
+def test_fixed_and_posed_groups_stay_apart():
+    groups = [Group(posed, 0, False, False, 2 * i, 2) for i, posed in enumerate((False, True))]
+    assert len(merged([(g, g.first, g.count) for g in groups], lambda group: (OPAQUE, ()))) == 2

@@ -18,7 +18,7 @@ from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.shadow_faces import SMALLEST_MAP, faces_of, map_sizes, pack, wanted_sizes
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned, sphere
-from taubench_gl.scene.model import Image, Scene, Texture
+from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Shot
 
 TEXELS = 1.5
@@ -110,28 +110,6 @@ def test_no_acne_on_a_plane_of_any_slope(gpu, kind):
     assert tested.mean() > 0.4 and np.all(lit[tested] > 0.999)
 
 
-@pytest.mark.parametrize("elevation", [10.0, 45.0, 80.0])
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_shadow_touches_the_boxs_foot(gpu, kind, elevation):
-    """Close up: along the foot on the far side no light shows, from the first texel on."""
-    case = Case(kind, elevation)
-    scene = case.scene()
-    scene = dataclasses.replace(scene, cameras=(dataclasses.replace(scene.cameras[0], xmag=0.25, ymag=0.25),))
-    translation = scene.nodes.translation.copy()
-    translation[scene.camera_nodes[0]] = (-0.5, 8.0, 0.0)  # over the foot that faces away from the light
-    scene = dataclasses.replace(scene, nodes=dataclasses.replace(scene.nodes, translation=translation))
-    shot, lit = visibility(gpu, scene, shadow_size=SIZE)
-    plane = on_plane(shot)
-    x = shot.points[..., 0]
-    texel = float(np.median(case.texel(SIZE, shot.points)[plane]))
-    length = 1.0 / np.tan(np.radians(elevation))
-    tip = -0.5 - length + 2 * texel / np.sin(np.radians(elevation))
-    beside = plane & (x < -0.5) & (x > max(-0.5 - 0.5 * length, tip, -0.7))
-    assert beside.any(), "the close-up shows no shadow"
-    gap = -0.5 - x[beside & (lit > 0.5)]
-    assert not len(gap), f"light up to {gap.max() / texel:.2f} texels beside the foot"
-
-
 @pytest.mark.parametrize("kind", ["directional", "point"])
 def test_a_balls_terminator(gpu, kind):
     """Convex: whatever faces the light is lit.  Flat facets and texels may only blur the last degrees."""
@@ -148,32 +126,6 @@ def test_a_balls_terminator(gpu, kind):
     tested = shot.surface & np.isfinite(lit)
     assert np.all(lit[tested & (away > 3.0)] > 0.999)
     assert np.mean(1.0 - lit[tested]) < 0.002
-
-
-def masked_card() -> Scene:
-    """A card at y = 1 whose texture is cut out on the left half, over a floor, sun overhead."""
-    pixels = np.full((8, 8, 4), 255, dtype=np.uint8)
-    pixels[:, :4, 3] = 0
-    b = SceneBuilder()
-    floor(b, 3.0, material=lambert(b))
-    material = lambert(b, alpha_mode="MASK", base_color_texture=Texture(0), double_sided=True)
-    card = quad(1.0, 1.0, material=material)
-    uv = (card.positions[:, :2] * np.array([0.5, -0.5]) + 0.5).astype(np.float32)
-    b.node(mesh=b.mesh(dataclasses.replace(card, texcoords=(uv, None))), translation=(0, 1, 0), rotation=FLAT)
-    b.light(rotation=facing((-1.0, -1.0, 0.0)), kind="directional", intensity=3.0)
-    look_down(b, 3.0)
-    return dataclasses.replace(b.build(), images=(Image("cut", (8, 8), lambda: pixels),))
-
-
-def test_a_masked_caster_casts_what_is_left_of_it(gpu):
-    shot, lit = visibility(gpu, masked_card(), shadow_size=SIZE)
-    plane = on_plane(shot)
-    x, z = shot.points[..., 0], shot.points[..., 2]
-    # The sun travels one meter left per meter down: the right half's shadow is x in [-1, 0].
-    inside = (np.abs(x + 0.5) < 0.45) & (np.abs(z) < 0.95)
-    outside = ~((np.abs(x + 0.5) < 0.55) & (np.abs(z) < 1.05))
-    assert (plane & inside).sum() > 500
-    assert np.all(lit[plane & inside] < 0.001) and np.all(lit[plane & outside] > 0.999)
 
 
 def posed_box(how: str) -> Scene:
@@ -207,16 +159,6 @@ def test_deformed_casters_cast_the_posed_shape(gpu, how):
     moved = np.abs(before.direct - still.direct).max(axis=-1) > 1e-3 * still.direct.max()
     assert moved.sum() > 300, "the pose changes nothing, so nothing is shown"
     assert differ.sum() <= 3  # rounding of the pose at a texel's edge
-
-
-def test_bilinear_edges_are_graded_and_hard_edges_are_not(gpu):
-    scene = Case("directional", 45.0, 30.0).scene()
-    between = {}
-    for shadow_filter in ("hard", "bilinear"):
-        shot, lit = visibility(gpu, scene, shadow_size=32, shadow_filter=shadow_filter)
-        plane = on_plane(shot)
-        between[shadow_filter] = np.mean((lit[plane] > 0.05) & (lit[plane] < 0.95))
-    assert between["hard"] == 0 and between["bilinear"] > 0.005
 
 
 @pytest.mark.parametrize("limit", [16384, 4096, 1024])

@@ -277,15 +277,6 @@ def blocks(
     return np.stack(out)
 
 
-def test_bidirectional_paths_have_the_same_mean(gpu):
-    """Pixels have independent numbers, so the image's mean has a standard error; both lights are near no surface."""
-    scene, count = room(lights=2, spots=True), 24
-    found = [blocks(gpu, scene, 8, count, bounces=4, bidirectional=on).mean(axis=(1, 2)) for on in (False, True)]
-    mean, error = zip(*((f.mean(axis=0), f.std(axis=0, ddof=1) / np.sqrt(count)) for f in found), strict=True)
-    assert np.all(np.abs(mean[0] - mean[1]) < 4 * np.hypot(*error)), (mean, error)
-    assert np.all(np.hypot(*error) < 0.01 * mean[0])
-
-
 def test_variance_of_bidirectional_paths_falls_with_the_samples(gpu):
     """As 1 / N or, because samples are stratified, faster: near lamps too, where that of BRDF sampling does not."""
 

@@ -10,13 +10,11 @@ from taubench_gl.scene.model import Light
 Array = np.ndarray
 
 
-def incident(
-    light: Light, position: Array, direction: Array, points: Array, *, cycles_cone: bool = False
-) -> tuple[Array, Array]:
+def incident(light: Light, position: Array, direction: Array, points: Array) -> tuple[Array, Array]:
     """Unit vectors towards the light, and the irradiance of a surface that faces it.
 
     ``position`` (3,) and unit ``direction`` (3,) of the light, and ``points`` (..., 3), all in world space.
-    ``cycles_cone``: see ``spot_terms``.  -> (..., 3), (..., 3).
+    -> (..., 3), (..., 3).
     """
     points = np.asarray(points, dtype=np.float64)
     color = np.asarray(light.color, dtype=np.float64) * light.intensity
@@ -30,7 +28,7 @@ def incident(
     if np.isfinite(light.range) and light.range > 0:
         out = out * np.clip(1.0 - (d2 / light.range**2) ** 2, 0.0, 1.0)
     if light.kind == "spot":
-        scale, shift, smooth = spot_terms(light, cycles_cone)
+        scale, shift, smooth = spot_terms(light)
         cone = np.clip(np.sum(direction * -to_light, axis=-1, keepdims=True) * scale + shift, 0.0, 1.0)
         out = out * cone**2 * (1.0 + smooth * (2.0 - 2.0 * cone))
     return to_light, out

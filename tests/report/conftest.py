@@ -11,12 +11,10 @@ import pytest
 
 from taubench_gl.conventions import HISTOGRAM_BINS, SUMMARY_SCHEMA, Reason
 from taubench_gl.features import FEATURES, MASK_WORDS
-from taubench_gl.metrics.activity import QUANTITIES, describe
-from taubench_gl.metrics.counts import Counts, bin_of, edges
+from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.metrics.reuse_rate import ReuseStats
-from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.run import Run
-from taubench_gl.run_schema import CAMERA_COLUMNS, COUNT_COLUMNS, FRAME_COLUMNS
+from taubench_gl.run_schema import COUNT_COLUMNS, FRAME_COLUMNS
 
 WIDTH, HEIGHT, PAIRS = 40, 20, 12
 _STATS = ("mean", "variance", "max", "median", "p95")
@@ -99,25 +97,6 @@ def _frames() -> list[dict[str, Any]]:
 @pytest.fixture
 def run(summary: dict[str, Any], frames: list[dict[str, Any]]) -> Run:
     return Run(summary, frames)
-
-
-@pytest.fixture
-def stored_run(summary: dict[str, Any]) -> Run:
-    """As ``run``, with numbers that follow from its rows: ``load_run`` reads it back once it is saved."""
-    stats = SequenceStats(("frustum", *FEATURES[:-1]), {"indirect": "no indirect light here"})
-    words, distances = np.zeros(MASK_WORDS, dtype=np.int64), np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64)
-    words[0], words[Reason.OUTSIDE], words[Reason.NORMAL] = 600, 64, 36
-    words[Reason.SKY | Reason.HISTORY_SKY] = 100
-    distances[FEATURES.index("normal"), -1] = 36
-    rows = []
-    for frame in range(1, PAIRS + 1):
-        row = {"frame": frame, "time_s": frame / 24.0} | stats.add(Counts(words, distances))
-        rows.append(row | dict.fromkeys(CAMERA_COLUMNS, 0.25) | {"camera_cut": 0, "gimbal": 0})
-    still = describe(np.full(PAIRS, 0.25))
-    summary |= stats.rates("camera", np.zeros(PAIRS, dtype=bool), None)
-    summary |= {"curves": stats.curves() | {"indirect": None}, "mask_histogram": stats.reuse.histogram()}
-    summary["camera"] |= {name: still | {"without_cuts": still} for name in QUANTITIES}
-    return Run(summary, rows)
 
 
 @pytest.fixture(scope="session")

@@ -9,11 +9,6 @@ import pytest
 
 
 @pytest.fixture
-def run(stored_run):
-    return stored_run
-
-
-@pytest.fixture
 def report(taubench):
     return partial(taubench, "report")
 

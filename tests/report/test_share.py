@@ -21,14 +21,14 @@ WORDS = np.uint32([0, int(Reason.POSITION), int(Reason.NORMAL), int(Reason.POSIT
 
 
 @pytest.fixture
-def recorded(stored_run, tmp_path) -> Path:
+def recorded(run, tmp_path) -> Path:
     """The folder of a stored run with images: frames of noise, masks of four blocks."""
     folder = tmp_path / "run"
-    stored_run.save(folder)
+    run.save(folder)
     rng = np.random.default_rng(1)
     recorder = FrameRecorder(folder)
     mask = np.repeat(np.repeat(WORDS.reshape(2, 2), SIZE[1] // 2, axis=0), SIZE[0] // 2, axis=1)
-    for row in stored_run.frames:
+    for row in run.frames:
         image = rng.random((*SIZE[::-1], 3))
         recorder.add(row["frame"], 1, image, image, mask, np.zeros((*SIZE[::-1], 2)))
     recorder.finish(folder / "frames.csv")
@@ -42,7 +42,7 @@ def images_of(page: Path) -> dict:
 
 
 @pytest.mark.parametrize("step", [1, 2, 3])
-def test_all_pairs_in_the_bytes_that_a_page_may_have(recorded, stored_run, monkeypatch, step, taubench):
+def test_all_pairs_in_the_bytes_that_a_page_may_have(recorded, run, monkeypatch, step, taubench):
     """Frames of noise take as many bytes as pixels do: a quarter of the budget keeps every second row and column."""
     assert taubench("share", recorded)[0] == 0
     page = recorded / "share.html"
@@ -51,7 +51,7 @@ def test_all_pairs_in_the_bytes_that_a_page_may_have(recorded, stored_run, monke
     monkeypatch.setattr(run_page, "SHARED_IMAGE_BYTES", int(1.2 * size / step**2) if step > 1 else size)
     assert taubench("share", recorded)[0] == 0
     images = images_of(page)
-    assert [item["n"] for item in images["items"]] == [row["frame"] for row in stored_run.frames]
+    assert [item["n"] for item in images["items"]] == [row["frame"] for row in run.frames]
     assert sum(len(item["frame"]) + len(item["mask"]) for item in images["items"]) <= run_page.SHARED_IMAGE_BYTES
     assert images["step"] == step if step < 3 else images["step"] >= 2
     for item in images["items"]:

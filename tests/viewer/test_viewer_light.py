@@ -28,6 +28,8 @@ def test_geometry_is_exact_and_light_coarse_while_playing(drive):
     assert engine.percentages()["indirect"] is None and engine.percentages()["reusable_shading"] is None
     driven.run("set playing off")
     assert driven.counts_are_those_of(row, *geometry, "direct", "color")
+    driven.run("set moving_light full\nset playing on")
+    assert driven.counts_are_those_of(row, *geometry, "direct", "color") and engine.lights.active is None
 
 
 def test_coarse_light_is_not_brighter(drive):
@@ -122,14 +124,6 @@ def test_light_bits_of_a_coarse_pixel_join_the_surface_bits_of_the_fine_one():
     assert tuple(joined.features) == ("position", "normal", "direct") and joined.reason == in_words(joined.word)
     outside = with_light(explained(Reason.OUTSIDE, "position", "normal"), light)
     assert outside.word == Reason.OUTSIDE and "direct" in outside.features
-
-
-def test_light_is_exact_while_moving_if_asked(drive):
-    driven = drive(settings=LIT, light=True)
-    driven.run("frame 8\nset moving_light full")
-    before = driven.engine.counts["direct"]
-    driven.run("set playing on")
-    assert driven.engine.counts["direct"] == before and driven.engine.lights.coarse is None
 
 
 @pytest.mark.parametrize("channel", ["direct", "color"])

@@ -104,8 +104,8 @@ def test_a_pick_selects_the_node_of_the_pixel(drive):
     driven.run(f"mouse {at[0]} {at[1]}\npress 1\nmouse {at[0] + 60} {at[1]}\nrelease 1\nexpect selection == none")
 
 
-def test_a_pick_scrolls_the_tree_to_its_node(drive):
-    """The nodes above it are opened; a click on a row selects its node or none."""
+def test_the_tree_scrolls_to_a_pick_and_is_searched_by_name(drive):
+    """The nodes above the pick are opened; a click on a row selects its node or none; a new selection ends a search."""
     driven = drive(window=(1280, 720))
     driven.run("frame 8\nset selection 'car 2'\nwait 1\nwait 1")
     widgets, panel = driven.viewer.panels.widgets, driven.viewer.layout.left
@@ -116,17 +116,14 @@ def test_a_pick_scrolls_the_tree_to_its_node(drive):
         "click '@node.car 1' 0.9\nexpect selection == 'car 1'\nclick '@node.car 1' 0.9\nexpect selection == none"
     )
 
-
-def test_the_search_lists_nodes_by_name(drive):
-    driven = drive(window=(1280, 720))
-    driven.run("frame 8\nclick @search 0.5")
+    driven.run("click @search 0.5")
     for letter in "CAR":
         driven.viewer.input.char(ord(letter))
     driven.run("wait 1\nwait 1")
     listed = {n.removeprefix("node.") for n in driven.viewer.panels.widgets if n.startswith("node.")}
     assert listed == {n for n in driven.state.nodes if "car" in n} and len(listed) == 5
     driven.run("set selection ball\nwait 1\nwait 1")
-    assert "node.ball" in driven.viewer.panels.widgets, "another selection ends the search"
+    assert "node.ball" in driven.viewer.panels.widgets
 
 
 def test_from_outside_nothing_is_picked(drive):

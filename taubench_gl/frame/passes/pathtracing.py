@@ -194,7 +194,7 @@ def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
         return {
             "sky": (*spec.environment.radiance, 0.0),
             "parallel_view": frame.view.towards_parallel_camera,
-            "footprint": (*pixel_footprint(frame.view, spec.size), 0.0, 0.0),
+            "footprint": (*frame.footprint, 0.0, 0.0),
             "size": (*spec.size, 0, 0),
             "numbers": (frame.number & 0xFFFFFFFF, seed, 0, 0),
             "lights": (len(spec.light_kinds), frame.exact_light, 0, 0),
@@ -403,7 +403,7 @@ class PathTracing(Owner):
             power = lights["color"][:, :3].max(axis=-1)
             choice = subpath_choice(power, lights["direction"][:, 3], lights["spot"])
             self.tables["light_choice"].write(choice.tobytes())
-        frame.light_grid = self._grid
+        frame.light_grid, frame.footprint = self._grid, pixel_footprint(frame.view, self._spec.size)
         if "light_cells" in self.tables:
             self._place_lights(frame)
         self.trace(frame, frame.resources)
@@ -477,7 +477,7 @@ class PathTracing(Owner):
             columns = (packed[0][pixel], packed[1][pixel], row, number == 0)
             entries[: end - done] = np.stack(columns, axis=-1)
             self.tables["pixel_list"].write(entries.tobytes())
-            self._trace_entries(frame, rows, exact=done < count)
+            self._trace_entries(frame, rows, exact=max(min(end, count) - done, 0))
             listed = self.tables["listed_light"]
             stored = np.frombuffer(listed.read(listed.size // size * (end - done)), np.float32)
             out[done:end] = stored.reshape(end - done, -1, 4)[..., :3]
@@ -490,12 +490,13 @@ class PathTracing(Owner):
         """Whether all samples of a pixel are equal: direct light of punctual lights alone, without noise."""
         return self._spec.path_traced_sources == {"punctual"} and self._spec.bounces == 1 and frame.exact_light
 
-    def _trace_entries(self, frame: FrameContext, rows: int, exact: bool) -> None:
-        """One sample of every entry in ``rows`` of the list; ``exact``: some have light without noise."""
+    def _trace_entries(self, frame: FrameContext, rows: int, exact: int) -> None:
+        """One sample of every entry in ``rows`` of the list; ``exact``: the first entries, with light without noise."""
         passes, resources = self._passes, frame.resources
         passes["anchor"].run(frame, resources, rows=rows)
         for before in self._rays if exact else ():
-            passes["exact"].run(frame, resources, rows=rows, rays_before=before)
+            of_exact = -(-exact // self._tile[0])
+            passes["exact"].run(frame, resources, rows=of_exact, again=before > 0, rays_before=before)
         if "subpath" in passes:
             passes["subpath"].run(frame, resources, rows=rows)
         self._trace_paths(frame, resources, rows=rows, samples_before=0)
@@ -505,7 +506,7 @@ class PathTracing(Owner):
         passes = self._passes
         passes["anchor"].run(frame, resources, **place)
         for before in self._rays:
-            passes["exact"].run(frame, resources, **place, rays_before=before)
+            passes["exact"].run(frame, resources, **place, again=before > 0, rays_before=before)
         for k in range(self.sample_count):
             row = self._table_row(self.first_sample + k)
             if "subpath" in passes:
@@ -525,7 +526,8 @@ class PathTracing(Owner):
             place.pop("tile_origin", None)  # where a pixel lies matters for its numbers alone
         for vertex in range(1, vertices(self._spec) + 1):
             byte = 16 * (self._odd_sample * path_lists(self._spec) + vertex)
-            self._passes["extend"].run(frame, resources, ("going_on_counts", byte), vertex=vertex, **place)
+            at = "going_on_counts", byte
+            self._passes["extend"].run(frame, resources, at, again=vertex > 1, vertex=vertex, **place)
         self._odd_sample = 1 - self._odd_sample
 
     def _table_row(self, sample: int, parts: bool = False) -> int:
