@@ -43,7 +43,7 @@ _OSMESA_PROFILE, _OSMESA_CORE_PROFILE = 0x33, 0x34
 _OSMESA_MAJOR, _OSMESA_MINOR = 0x36, 0x37
 _OSMESA_RGBA = 0x1908
 
-SUBMITTED_TRIANGLES = 1 << 19
+SUBMITTED_TRIANGLES = 1 << 18
 """Triangles that llvmpipe may have to draw at a time (``Gpu.portions``)."""
 
 
