@@ -28,7 +28,8 @@ DIFFER = 2e-3
 )
 def test_as_the_float64_caster(gpu, data, name):
     scene = load_scene(find_scene(data, name))
-    sight = look(gpu, scene, choose_camera(scene), (56, 32), SCENES.get(name, 8), fps=12.0)
+    size = (28, 16) if name == "CesiumMan.glb" else (56, 32)  # every pixel meets 4,672 deformed triangles
+    sight = look(gpu, scene, choose_camera(scene), size, SCENES.get(name, 8), fps=12.0)
     own = sight.bits & ~np.uint32(Visibility.MOVED)
     assert np.mean(own == (reference(sight) & ~np.uint32(Visibility.MOVED))) > 0.98
     expected, sure = surely(sight)
