@@ -28,7 +28,6 @@ KINDS: dict[str, dict[str, Any]] = {
     "exact": {"frames": range(4), "exact": True},
     "lobes": {"frames": range(3), "lobes": "diffuse"},
     "geometry": {"frames": range(3, 6), "columns": "position,normal", "unit_scale": 3.0},
-    "one frame": {"frames": range(1)},
     "every": {"frames": range(10), "pairs": "every:3"},
     "samples": {"frames": range(4), "samples_per_pixel": 4},
 }

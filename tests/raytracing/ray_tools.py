@@ -154,5 +154,6 @@ def compare(
             continue
         # The float64 answer: the nearer of those that are really met.
         met = [at if outside < 0 and at > 0 else np.inf for at, outside in ((t1, out1), (t2, out2))]
-        (theirs if met[0] < met[1] else unexplained).append(i)
+        right = met[0] < met[1] or (mine[i] < 0 and np.isinf(met[1]))
+        (theirs if right else unexplained).append(i)
     return Disagreement(rays, np.array(unexplained, int), np.array(theirs, int))

@@ -11,7 +11,7 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import Visibility
 from taubench_gl.scene import load_scene
 
-SCENES = {"AnimatedMorphCube.glb": 30, "BoxAnimated.glb": 20}
+SCENES = {"AnimatedMorphCube.glb": 30, "BoxAnimated.glb": 20, "CesiumMilkTruck.glb": 3}
 """Frames at 12 fps."""
 
 DIFFER = 2e-3
