@@ -98,7 +98,8 @@ def test_a_test_that_rejects_everything_reuses_nothing(tmp_path):
     for name, threshold in (("all", "0"), ("none", "1000000")):
         done = run.invoke(cli, ["reject", "method", "--tests", f"position={threshold}", "--out", str(out / name)])
         assert done.exit_code == 0, done.output
-    methods = ",".join(f"{out / name / 'reject_position'}@cap=4" for name in ("all", "none"))
+    # Two names are two settings: methods of the same name are refused.
+    methods = ",".join(f"{out / name / 'reject_position'}@cap={cap}" for name, cap in (("all", 4), ("none", 5)))
     done = run.invoke(cli, [
         "reuse", "evaluate", str(ASSETS / "demo.glb"), "--size", "32x18", "--frames", "20:23", "--methods", methods,
         "--video", "none", "--reference-samples", "1", "--light", "raster", "--input", "full", "--shadow-size", "64",
