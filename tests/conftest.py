@@ -268,6 +268,17 @@ def coarse_metering(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def coarse_space() -> Iterator[None]:
+    """An eighth of the voxels in which cameras find free space, and points for them."""
+    from taubench_gl.datasets.free_space import SAMPLES, VOXELS, VoxelSpace, surface_points
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(VoxelSpace.__init__, "__defaults__", (VOXELS // 8,))
+        patch.setattr(surface_points, "__defaults__", (SAMPLES // 4,))
+        yield
+
+
 class Programs:
     """Programs that evaluations share by their texts: compiling them would take a fifth of the tests that evaluate."""
 

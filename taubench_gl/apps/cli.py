@@ -38,6 +38,7 @@ from taubench_gl.apps.reject_command import reject
 from taubench_gl.apps.report_command import report, share
 from taubench_gl.apps.reuse_command import reuse
 from taubench_gl.apps.scenes_command import scenes
+from taubench_gl.apps.screen import EXIT_INTERRUPTED
 from taubench_gl.apps.selftest_command import selftest
 from taubench_gl.apps.stages import show_stages
 from taubench_gl.apps.stress_command import stress
@@ -46,7 +47,6 @@ from taubench_gl.errors import TaubenchError, printable
 
 log = logging.getLogger(__name__)
 EXIT_ERROR = 2
-EXIT_INTERRUPTED = 130
 _REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors of a full or failing disk."""
 SHELLS = ("bash", "zsh", "fish")

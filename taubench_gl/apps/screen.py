@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 TABLE_FORMATS = ("text", "markdown", "csv", "latex", "html")
 EXIT_INTERRUPTED = 130
+"""Exit code of a command that the user interrupts, as shells have it: 128 and the number of SIGINT."""
 
 
 # Messages

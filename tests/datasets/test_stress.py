@@ -39,7 +39,7 @@ from taubench_gl.metrics.activity import camera_activity, summarize
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
 
-pytestmark = pytest.mark.usefixtures("coarse_metering", "fixed_light")
+pytestmark = pytest.mark.usefixtures("coarse_metering", "coarse_space", "fixed_light")
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SPEC = CameraSpec(
@@ -51,17 +51,11 @@ SPEC = CameraSpec(
 STILL = CameraSpec(frames=3, fps=60.0)
 
 
-@pytest.fixture(autouse=True)
-def coarse_space(request, monkeypatch):
-    """An eighth of the voxels, and points for them; the default number in tests with ``default_voxels``."""
-    if "default_voxels" not in request.fixturenames:
-        monkeypatch.setattr(VoxelSpace.__init__, "__defaults__", (VOXELS // 8,))
-        monkeypatch.setattr(surface_points, "__defaults__", (SAMPLES // 4,))
-
-
 @pytest.fixture
-def default_voxels():
-    """The test runs with the number of voxels of the command."""
+def default_voxels(monkeypatch):
+    """The number of voxels of the command."""
+    monkeypatch.setattr(VoxelSpace.__init__, "__defaults__", (VOXELS,))
+    monkeypatch.setattr(surface_points, "__defaults__", (SAMPLES,))
 
 
 def walked(path, fps=60.0, frames=121):
