@@ -13,6 +13,9 @@ from taubench_gl.scene.model import Primitive, Scene
 
 Array = np.ndarray
 
+LARGEST = 1e30
+"""Half extent of a box around what has no bounds."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Skinned:
@@ -36,12 +39,15 @@ class DrawBounds:
         self._scene, self._draws = scene, draws
         self._posed = [i for i, d in enumerate(draws) if d.posed]
         primitives = [scene.meshes[d.mesh].primitives[d.primitive] for d in draws]
-        spheres: dict[int, tuple[Array, float]] = {}  # key: identity of the vertices, which primitives can share
+        found: dict[int, tuple[Array, float, Array]] = {}  # key: identity of the vertices, which primitives can share
         for primitive in primitives:
-            if id(primitive.positions) not in spheres:
-                spheres[id(primitive.positions)] = bounding_sphere_of(primitive.positions)
-        self._centers = np.array([spheres[id(p.positions)][0] for p in primitives]).reshape(-1, 3)
-        self._radii = np.array([spheres[id(p.positions)][1] for p in primitives]).reshape(-1)
+            if id(points := primitive.positions) not in found:
+                low, high = bounds(points)
+                found[id(points)] = *bounding_sphere_of(points), 0.5 * np.subtract(high, low, dtype=np.float64)
+        rows = [found[id(p.positions)] for p in primitives]
+        self._centers = np.array([center for center, _, _ in rows]).reshape(-1, 3)
+        self._radii = np.array([radius for _, radius, _ in rows]).reshape(-1)
+        self._halves = np.array([half for _, _, half in rows]).reshape(-1, 3)
         self._reach = {i: _morph_reach(primitives[i]) for i in self._posed if primitives[i].targets}
         jointed = [i for i in self._posed if scene.nodes.skin[draws[i].node] >= 0 and primitives[i].joints is not None]
         self._rigid = sorted(set(self._posed) - set(jointed))  # draws that only morph
@@ -63,6 +69,15 @@ class DrawBounds:
             centers[s.draws] = 0.5 * (low + high)
             radii[s.draws] = [0.5 * np.linalg.norm(extent) for extent in high - low]
         return centers, radii
+
+    def boxes(self, state: FrameState, world: Array) -> tuple[Array, Array]:
+        """Centers and half extents (D, 3) of world boxes around the draws, finite; arguments of ``at``."""
+        centers, radii = self.at(state, world)
+        halves = np.repeat(radii[:, None], 3, axis=1)
+        turned = np.einsum("dij,dj->di", np.abs(world[:, :3, :3]), self._halves)
+        fixed = np.setdiff1d(np.arange(len(halves)), self._posed)
+        halves[fixed] = np.minimum(halves, turned)[fixed]
+        return centers, np.minimum(halves, LARGEST)
 
     def of_fixed(self, world: Array) -> tuple[Array, Array]:
         """Centers (D, 3) and radii (D,), world, of fixed draws; posed draws get infinite radii."""

@@ -108,6 +108,7 @@ class SceneBuffers:
         self._table = np.array(
             [(d.index_count, 1, d.first_index, d.base_vertex, 0) for d in self._draws], dtype=COMMAND
         ).reshape(-1)
+        self.triangles = triangles_of(self._table)  # (D,)
 
     def arrange(self, placement: Placement, materials: MaterialTable, *, culling: bool) -> None:
         """Sort visible draws by state into groups and upload their commands."""

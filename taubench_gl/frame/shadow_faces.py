@@ -44,7 +44,10 @@ NEAR_FRACTION = 1e-4
 """Near plane of a point or spot light's map, as a fraction of the scene's radius; nothing nearer casts a shadow."""
 
 COVER_MARGIN = 2.0
-"""Texels around the projection of a sphere that count as covered: float32 rounding of vertices on the GPU."""
+"""Texels around the projection of a box that count as covered, at most: float32 rounding of vertices on the GPU."""
+
+COVER_FRACTION, COVER_SNAP = 1.0 / 512.0, 1.0 / 64.0
+"""The margin of small maps: this share of the texels along a side, and texels by which corners may be snapped."""
 
 CONE_MARGIN = 1.02
 """A spot's map is this much wider than its cone, so that filter taps at its edge still see casters."""
@@ -118,32 +121,39 @@ class FaceTable:
         rows["forward"][:, :3], rows["forward"][:, 3] = self.axes[:, 2], self.near
         rows["extent"][:, 0], rows["extent"][:, 1] = self.resolution, 2.0 * self.half / self.resolution
 
-    def sees(self, centers: Array, radii: Array) -> Array:
-        """Which spheres (K, 3) world, (K,) can cast into each map.  (F, K) bool, conservative."""
-        at = np.einsum("fkj,fij->ifk", centers - self.origin[:, None], self.axes)
-        half, parallel = self.half[:, None], self.parallel[:, None]
-        slack = radii * np.where(parallel, 1.0, np.hypot(1.0, half))  # of a slanted side plane, along the axis
-        reach = np.where(parallel, half, at[2] * half) + slack
-        ahead = parallel | (at[2] + radii > 0)
-        return ahead & (np.abs(at[0]) <= reach) & (np.abs(at[1]) <= reach)
+    def sees(self, centers: Array, halves: Array) -> Array:
+        """Which boxes can cast into each map.  (F, K) bool, conservative.
 
-    def cover(self, rows: Array, centers: Array, radii: Array) -> tuple[Array, Array]:
-        """Texels that spheres (P, 3) world, (P,) may cover in the maps of faces ``rows`` (P,).
-
-        First and end (P, 2) int64 of a rectangle, conservative, cut at the map.
+        ``centers``, ``halves`` (K, 3): middles and half extents along the world's axes.
         """
-        at = np.einsum("pj,pij->pi", centers - self.origin[rows], self.axes[rows])
-        across, z, radius, parallel = at[:, :2], at[:, 2:], radii[:, None], self.parallel[rows, None]
-        near, far = across - radius, across + radius
-        front, back = z - radius, z + radius
-        ahead = parallel | (front > self.near[rows, None])  # what reaches behind the near plane may be anywhere
-        nearest, farthest = (np.where(ahead & ~parallel, depth, 1.0) for depth in (front, back))
-        near = np.where(ahead, near / np.where(near < 0, nearest, farthest), -np.inf)
-        far = np.where(ahead, far / np.where(far > 0, nearest, farthest), np.inf)
+        at = np.einsum("fkj,fij->ifk", centers - self.origin[:, None], self.axes)
+        size = np.einsum("kj,fij->ifk", halves, np.abs(self.axes))
+        half, parallel = self.half[:, None], self.parallel[:, None]
+        reach = np.where(parallel, half, (at[2] + size[2]) * half)
+        ahead = parallel | (at[2] + size[2] > 0)
+        return ahead & (np.abs(at[0]) <= reach + size[0]) & (np.abs(at[1]) <= reach + size[1])
+
+    def cover(self, rows: Array, centers: Array, halves: Array) -> tuple[Array, Array, Array]:
+        """Texels whose middles boxes may cover in the maps of faces ``rows`` (P,), and the depth of their nearest points.
+
+        ``centers``, ``halves`` (P, 3) as of ``sees``.  First and end (P, 2) int64 of a rectangle, cut at the map, and
+        reversed depth (P,) as in the map, 1 for what reaches behind the near plane; all conservative.
+        """
+        axes, depth_range = self.axes[rows], self.near[rows]
+        at = np.einsum("pj,pij->pi", centers - self.origin[rows], axes)
+        size = np.einsum("pj,pij->pi", halves, np.abs(axes))
+        parallel, front, back = self.parallel[rows], at[:, 2] - size[:, 2], at[:, 2] + size[:, 2]
+        ahead = parallel | (front > depth_range)  # what reaches behind the near plane may be anywhere
+        nearest, farthest = (np.where(ahead & ~parallel, depth, 1.0)[:, None] for depth in (front, back))
+        near, far = at[:, :2] - size[:, :2], at[:, :2] + size[:, :2]
+        near = np.where(ahead[:, None], near / np.where(near < 0, nearest, farthest), -np.inf)
+        far = np.where(ahead[:, None], far / np.where(far > 0, nearest, farthest), np.inf)
         texels = self.resolution[rows, None]
         low, high = ((0.5 + 0.5 * side / self.half[rows, None]) * texels for side in (near, far))
-        low, high = (np.clip(side, 0, texels) for side in (low - COVER_MARGIN, high + COVER_MARGIN))
-        return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
+        margin = np.minimum(COVER_MARGIN, COVER_FRACTION * texels + COVER_SNAP)
+        low, high = (np.clip(side, 0, texels) for side in (low - margin, high + margin))
+        depth = np.where(parallel, 1.0 - front / depth_range, np.where(ahead, depth_range / nearest[:, 0], 1.0))
+        return np.ceil(low - 0.5).astype(np.int64), np.floor(high + 0.5).astype(np.int64), depth
 
 
 def map_sizes(scene: Scene, ranked: list[int], texels: int, limit: int, sun: Sun | None = None) -> dict[int, int]:

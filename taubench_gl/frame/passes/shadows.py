@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taubench_gl.animation.pose import moved_nodes
-from taubench_gl.frame.casters import Rect, ShadowMapCache
+from taubench_gl.frame.casters import Rect, ShadowMapCache, StaleFace, hidden
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey
@@ -131,8 +131,15 @@ def merged(
     return out
 
 
+OCCLUSION_TRIANGLES = 1 << 18
+"""Triangles of a face from which on llvmpipe first draws the nearest, to leave out what they hide."""
+
+OCCLUDERS = 16
+"""One of so many of its triangles are drawn first."""
+
+
 class FaceDrawer:
-    """Draws lists of (face, atlas offset, seen draws) into one framebuffer."""
+    """Draws faces into one framebuffer."""
 
     def __init__(
         self,
@@ -193,6 +200,37 @@ class FaceDrawer:
         if parts is not None:
             framebuffer.scissor = None
         frame.materials.unbind()
+
+    def draw_stale(
+        self,
+        frame: FrameContext,
+        stale: Sequence[StaleFace],
+        places: Sequence[tuple[Face, tuple[int, int]]],
+        variant_of: Callable[[Group], Variant],
+        anchor: AnchoredRecords,
+    ) -> None:
+        """``draw`` of faces that are out of date, which are at ``places`` of the atlas, but not of what others hide.
+
+        The maps are the same as with it.
+        """
+        triangles, rects = frame.buffers.triangles, [s.rect for s in stale]
+        seen = [s.shown.draws for s in stale]
+        large = [i for i, draws in enumerate(seen) if triangles[draws].sum() >= OCCLUSION_TRIANGLES]
+        if large and self._gpu.software:
+            near = []
+            for i in large:
+                draws = seen[i][np.argsort(-stale[i].shown.nearest)]
+                ends = np.cumsum(triangles[draws])
+                near.append((*places[i], np.sort(draws[OCCLUDERS * ends <= ends[-1]])))
+            self.draw(frame, near, variant_of, anchor=anchor, parts=[rects[i] for i in large])
+            for i in large:
+                (x, y), (px, py, *size) = places[i][1], rects[i]
+                viewport = (x + px, y + py, *size)
+                read = self._framebuffer.read(viewport=viewport, components=1, attachment=-1, dtype="f4")
+                depths = np.frombuffer(read, np.float32).reshape(size[::-1])
+                seen[i] = seen[i][~hidden(stale[i].shown, rects[i], depths)]
+        drawn = [(*place, draws) for place, draws in zip(places, seen, strict=True)]
+        self.draw(frame, drawn, variant_of, anchor=anchor, parts=rects)
 
     def _upload_frames(self, matrices: list[Array], stale: Sequence[tuple[Face, tuple[int, int], Array]]) -> None:
         """Two records per face, for fixed and for posed draws, all written before the first draw.
@@ -282,32 +320,28 @@ class ShadowPass(Owner):
     def _redraw(self, frame: FrameContext, faces: Mapping[int, Face]) -> int:
         """Redraw what is out of date of ``faces``, by number; how many were."""
         rows, table, casters = np.array(list(faces)), FaceTable(list(faces.values())), frame.casters
-        dirty = self._cache.update(rows, table, casters)
-        if dirty:
-            self._anchor.update(frame.placement, frame.buffers.order)
-        if self._fixed_maps is not None:
-            still = self._fixed_cache.update(rows, table, casters.only(self._fixed))
-            self._draw(frame, self._fixed_drawer, faces, still)
-            corners = [self._offsets[i] for i, *_ in dirty]
-            rects = [(x + px, y + py, w, h) for (x, y), (_, (px, py, w, h), _) in zip(corners, dirty, strict=True)]
-            self._gpu.copy_texels(self._fixed_maps, self.atlas, rects)
-            dirty = [(i, part, seen[~self._fixed[seen]]) for i, part, seen in dirty]
-        self._draw(frame, self._drawer, faces, dirty, clear=self._fixed_maps is None)
-        return len(dirty)
 
-    def _draw(
-        self,
-        frame: FrameContext,
-        drawer: FaceDrawer,
-        faces: Mapping[int, Face],
-        dirty: list[tuple[int, Rect, Array]],
-        clear: bool = True,
-    ) -> None:
         @cache
         def variant(group: Group) -> Variant:
             key = frame.materials.keys[group.material + 1]
             return _variant(key, group.posed, group.material in self._spec.colored)
 
-        stale = [(faces[i], self._offsets[i], seen) for i, _, seen in dirty]
-        parts = [part for _, part, _ in dirty]
-        drawer.draw(frame, stale, variant, anchor=self._anchor, parts=parts, clear=clear)
+        def places(stale: list[StaleFace]) -> list[tuple[Face, tuple[int, int]]]:
+            return [(faces[s.number], self._offsets[s.number]) for s in stale]
+
+        dirty = self._cache.update(rows, table, casters)
+        if dirty:
+            self._anchor.update(frame.placement, frame.buffers.order)
+        if self._fixed_maps is None:
+            self._drawer.draw_stale(frame, dirty, places(dirty), variant, self._anchor)
+            return len(dirty)
+        still = self._fixed_cache.update(rows, table, casters.only(self._fixed))
+        self._fixed_drawer.draw_stale(frame, still, places(still), variant, self._anchor)
+        parts = [s.rect for s in dirty]
+        corners = [self._offsets[s.number] for s in dirty]
+        rects = [(x + px, y + py, w, h) for (x, y), (px, py, w, h) in zip(corners, parts, strict=True)]
+        self._gpu.copy_texels(self._fixed_maps, self.atlas, rects)
+        moving = [s.shown.draws[~self._fixed[s.shown.draws]] for s in dirty]
+        drawn = [(*place, draws) for place, draws in zip(places(dirty), moving, strict=True)]
+        self._drawer.draw(frame, drawn, variant, anchor=self._anchor, parts=parts, clear=False)
+        return len(dirty)
