@@ -130,6 +130,10 @@ BEHIND = 1.02
 1e-7 of the largest, 0.4 % of what is as far from a point light as the scene is wide."""
 
 
+SQUARES = 8
+"""Squares along the longer side of a rectangle that is tested against depths."""
+
+
 def hidden(shown: Shown, rect: Rect, depths: Array) -> Array:
     """Which draws lie behind what a map already shows at all texels of ``rect`` that they cover.  (K,) bool.
 
@@ -140,11 +144,12 @@ def hidden(shown: Shown, rect: Rect, depths: Array) -> Array:
         last = np.pad(levels[-1], [(0, n % 2) for n in levels[-1].shape], mode="edge")
         last = np.minimum(last[::2], last[1::2])
         levels.append(np.minimum(last[:, ::2], last[:, 1::2]))
-    low, high = np.maximum(shown.low - rect[:2], 0), np.minimum(shown.high - rect[:2], rect[2:])
-    level = np.ceil(np.log2((high - low).max(axis=1))).astype(int)
+    low, last = np.maximum(shown.low - rect[:2], 0), np.minimum(shown.high - rect[:2], rect[2:]) - 1
+    level = np.ceil(np.log2(np.maximum((last - low + 1).max(axis=1) / SQUARES, 1.0))).astype(int)
     farthest = np.zeros(len(level))
-    for i, squares in enumerate(levels):  # at most 2^i texels lie in two squares
+    for i, squares in enumerate(levels):
         at = np.flatnonzero(level == i)
-        (left, bottom), (right, top) = (low[at] >> i).T, (high[at] - 1 >> i).T
-        farthest[at] = np.minimum.reduce([squares[y, x] for x in (left, right) for y in (bottom, top)])
+        steps = np.arange(SQUARES + 1)  # so many squares hold SQUARES times 2^i texels
+        x, y = np.minimum((low[at] >> i)[..., None] + steps, (last[at] >> i)[..., None]).transpose(1, 0, 2)
+        farthest[at] = squares[y[:, :, None], x[:, None]].min(axis=(1, 2))
     return farthest > BEHIND * shown.nearest

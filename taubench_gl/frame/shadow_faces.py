@@ -134,7 +134,7 @@ class FaceTable:
         return ahead & (np.abs(at[0]) <= reach + size[0]) & (np.abs(at[1]) <= reach + size[1])
 
     def cover(self, rows: Array, centers: Array, halves: Array) -> tuple[Array, Array, Array]:
-        """Texels whose middles boxes may cover in the maps of faces ``rows`` (P,), and the depth of their nearest points.
+        """Texels whose middles boxes may cover in the maps of faces ``rows`` (P,), and depths of their nearest points.
 
         ``centers``, ``halves`` (P, 3) as of ``sees``.  First and end (P, 2) int64 of a rectangle, cut at the map, and
         reversed depth (P,) as in the map, 1 for what reaches behind the near plane; all conservative.

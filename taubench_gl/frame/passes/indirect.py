@@ -505,8 +505,8 @@ class IndirectPass(Owner):
             self._anchor.update(frame.placement, frame.buffers.order)
             dirty = self._cache.update(numbers, FaceTable(faces), frame.casters.only(self._fixed))
             of = dict(zip(numbers.tolist(), faces, strict=True))
-            places = [(of[s.number], self._offsets[s.number]) for s in dirty]
-            self._fixed_drawer.draw_stale(frame, dirty, places, variant, self._anchor)
+            stale = [(of[s.number], self._offsets[s.number], s) for s in dirty]
+            self._fixed_drawer.draw_stale(frame, stale, variant, self._anchor, ordered=True)
             self._gpu.hazards.wrote(self._targets(FIXED), drawn=True)
         for name in ("depth", *CHANNEL_NAMES):
             source, target = (self.tables[prefix + name] for prefix in (FIXED, "rsm_"))

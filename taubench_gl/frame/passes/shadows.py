@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taubench_gl.animation.pose import moved_nodes
-from taubench_gl.frame.casters import Rect, ShadowMapCache, StaleFace, hidden
+from taubench_gl.frame.casters import Rect, ShadowMapCache, Shown, StaleFace, hidden
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey
@@ -134,8 +134,8 @@ def merged(
 OCCLUSION_TRIANGLES = 1 << 18
 """Triangles of a face from which on llvmpipe first draws the nearest, to leave out what they hide."""
 
-OCCLUDERS = 16
-"""One of so many of its triangles are drawn first."""
+OCCLUDERS, TURNS = 16, 3
+"""It then draws one in so many of the triangles, the nearest, before it looks what they hide: at most so many times."""
 
 
 class FaceDrawer:
@@ -204,33 +204,47 @@ class FaceDrawer:
     def draw_stale(
         self,
         frame: FrameContext,
-        stale: Sequence[StaleFace],
-        places: Sequence[tuple[Face, tuple[int, int]]],
+        stale: Sequence[tuple[Face, tuple[int, int], StaleFace]],
         variant_of: Callable[[Group], Variant],
         anchor: AnchoredRecords,
+        *,
+        ordered: bool,
     ) -> None:
-        """``draw`` of faces that are out of date, which are at ``places`` of the atlas, but not of what others hide.
+        """``draw`` of faces that are out of date, on llvmpipe without most of what is hidden: the maps are the same.
 
-        The maps are the same as with it.
+        ``ordered``: of equal depths the first one drawn counts, in the order of the scene's draws.
         """
-        triangles, rects = frame.buffers.triangles, [s.rect for s in stale]
-        seen = [s.shown.draws for s in stale]
-        large = [i for i, draws in enumerate(seen) if triangles[draws].sum() >= OCCLUSION_TRIANGLES]
-        if large and self._gpu.software:
-            near = []
-            for i in large:
-                draws = seen[i][np.argsort(-stale[i].shown.nearest)]
-                ends = np.cumsum(triangles[draws])
-                near.append((*places[i], np.sort(draws[OCCLUDERS * ends <= ends[-1]])))
-            self.draw(frame, near, variant_of, anchor=anchor, parts=[rects[i] for i in large])
-            for i in large:
-                (x, y), (px, py, *size) = places[i][1], rects[i]
-                viewport = (x + px, y + py, *size)
-                read = self._framebuffer.read(viewport=viewport, components=1, attachment=-1, dtype="f4")
-                depths = np.frombuffer(read, np.float32).reshape(size[::-1])
-                seen[i] = seen[i][~hidden(stale[i].shown, rects[i], depths)]
-        drawn = [(*place, draws) for place, draws in zip(places, seen, strict=True)]
-        self.draw(frame, drawn, variant_of, anchor=anchor, parts=rects)
+        triangles, software = frame.buffers.triangles, self._gpu.software
+        hiding = [software and triangles[s.shown.draws].sum() >= OCCLUSION_TRIANGLES for *_, s in stale]
+
+        def draw(faces: list[tuple[Face, tuple[int, int], StaleFace]], draws: list[Array], clear: bool = True) -> None:
+            drawn = [(face, place, some) for (face, place, _), some in zip(faces, draws, strict=True)]
+            self.draw(frame, drawn, variant_of, anchor=anchor, parts=[s.rect for *_, s in faces], clear=clear)
+
+        plain, large = ([f for f, chosen in zip(stale, hiding, strict=True) if chosen == on] for on in (False, True))
+        draw(plain, [s.shown.draws for *_, s in plain])
+        rest = [s.shown.chosen(np.argsort(-s.shown.nearest, kind="stable")) for *_, s in large]
+        most = [triangles[shown.draws].sum() // OCCLUDERS for shown in rest]
+        seen = [np.zeros(0, dtype=np.int64)] * len(large)
+        for turn in range(TURNS):
+            counts = [np.searchsorted(np.cumsum(triangles[shown.draws]), n, "right") for shown, n in zip(rest, most)]
+            if turn == TURNS - 1:
+                counts = [len(shown.draws) for shown in rest]
+            nearest = [np.sort(shown.draws[:n]) for shown, n in zip(rest, counts, strict=True)]
+            draw(large, nearest, clear=turn == 0)
+            seen = [np.concatenate(pair) for pair in zip(seen, nearest, strict=True)]
+            rest = [shown.chosen(slice(n, None)) for shown, n in zip(rest, counts, strict=True)]
+            rest = [self._unhidden(shown, *face) for shown, face in zip(rest, large, strict=True)]
+        if ordered:
+            draw(large, [np.sort(draws) for draws in seen])
+
+    def _unhidden(self, shown: Shown, face: Face, place: tuple[int, int], stale: StaleFace) -> Shown:
+        """``shown`` of a face without the draws that lie behind what is drawn."""
+        (x, y), (px, py, *size) = place, stale.rect
+        if not len(shown.draws):
+            return shown
+        depths = self._framebuffer.read(viewport=(x + px, y + py, *size), components=1, attachment=-1, dtype="f4")
+        return shown.chosen(~hidden(shown, stale.rect, np.frombuffer(depths, np.float32).reshape(size[::-1])))
 
     def _upload_frames(self, matrices: list[Array], stale: Sequence[tuple[Face, tuple[int, int], Array]]) -> None:
         """Two records per face, for fixed and for posed draws, all written before the first draw.
@@ -326,22 +340,21 @@ class ShadowPass(Owner):
             key = frame.materials.keys[group.material + 1]
             return _variant(key, group.posed, group.material in self._spec.colored)
 
-        def places(stale: list[StaleFace]) -> list[tuple[Face, tuple[int, int]]]:
-            return [(faces[s.number], self._offsets[s.number]) for s in stale]
+        def placed(stale: list[StaleFace]) -> list[tuple[Face, tuple[int, int], StaleFace]]:
+            return [(faces[s.number], self._offsets[s.number], s) for s in stale]
 
         dirty = self._cache.update(rows, table, casters)
         if dirty:
             self._anchor.update(frame.placement, frame.buffers.order)
         if self._fixed_maps is None:
-            self._drawer.draw_stale(frame, dirty, places(dirty), variant, self._anchor)
+            self._drawer.draw_stale(frame, placed(dirty), variant, self._anchor, ordered=False)
             return len(dirty)
         still = self._fixed_cache.update(rows, table, casters.only(self._fixed))
-        self._fixed_drawer.draw_stale(frame, still, places(still), variant, self._anchor)
+        self._fixed_drawer.draw_stale(frame, placed(still), variant, self._anchor, ordered=False)
+        moving = [(face, place, s.shown.draws[~self._fixed[s.shown.draws]]) for face, place, s in placed(dirty)]
         parts = [s.rect for s in dirty]
-        corners = [self._offsets[s.number] for s in dirty]
+        corners = [place for _, place, _ in moving]
         rects = [(x + px, y + py, w, h) for (x, y), (px, py, w, h) in zip(corners, parts, strict=True)]
         self._gpu.copy_texels(self._fixed_maps, self.atlas, rects)
-        moving = [s.shown.draws[~self._fixed[s.shown.draws]] for s in dirty]
-        drawn = [(*place, draws) for place, draws in zip(places(dirty), moving, strict=True)]
-        self._drawer.draw(frame, drawn, variant, anchor=self._anchor, parts=parts, clear=False)
+        self._drawer.draw(frame, moving, variant, anchor=self._anchor, parts=parts, clear=False)
         return len(dirty)
