@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
+from taubench_gl.frame.occlusion import Rect, Shown
 from taubench_gl.frame.shadow_faces import FaceTable
 
 Array = np.ndarray
-Rect = tuple[int, int, int, int]
-"""A rectangle of a face: x, y, width and height in texels."""
 
 
 class Casters:
@@ -45,29 +44,13 @@ class Casters:
         return self.visible.tobytes() + self.versions[self.visible].tobytes()
 
     def shown_by(self, faces: FaceTable) -> list[Shown]:
-        """What may be in each face: draws that cover the middle of a texel."""
+        """What may be in each face: draws, ascending, that cover the middle of a texel."""
         owner, draws = np.nonzero(self.visible & faces.sees(self.centers, self.halves))
-        cover = faces.cover(owner, self.centers[draws], self.halves[draws])
-        every = Shown(draws, self.versions[draws], *cover)
+        every = faces.shown(owner, draws, self.centers[draws], self.halves[draws])
         covers = np.all(every.high > every.low, axis=1)
         ends = np.searchsorted(owner[covers], np.arange(1, len(faces.near) + 1)).tolist()
         every = every.chosen(covers)
         return [every.chosen(slice(start, end)) for start, end in zip([0, *ends], ends)]
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """Draws that may be seen in a map, ascending, and where."""
-
-    draws: Array  # (K,)
-    versions: Array  # (K,)
-    low: Array  # (K, 2) first and end of the texels each may cover
-    high: Array  # (K, 2)
-    nearest: Array  # (K,) reversed depth of its nearest point, at most
-
-    def chosen(self, which: Array | slice) -> Shown:
-        """Some of them."""
-        return Shown(*(getattr(self, f.name)[which] for f in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,69 +70,42 @@ class ShadowMapCache:
     """
 
     def __init__(self, count: int):
-        self._cached: list[tuple[bytes, Shown] | None] = [None] * count  # where it looks, and what it shows
+        # Where each face looks, what it shows, and versions of that.
+        self._cached: list[tuple[bytes, Shown, Array] | None] = [None] * count
 
     def update(self, rows: Array, faces: FaceTable, casters: Casters) -> list[StaleFace]:
         """Faces among numbers ``rows`` (F,) that are out of date.  Their maps count as drawn after this call."""
         stale = []
         shown = casters.shown_by(faces)
         for row, key, side, now in zip(rows.tolist(), faces.keys(), faces.resolution.tolist(), shown, strict=True):
-            before, self._cached[row] = self._cached[row], (key, now)
+            before, versions = self._cached[row], casters.versions[now.draws]
+            self._cached[row] = key, now, versions
             if before is None or before[0] != key:
                 stale.append(StaleFace(row, (0, 0, side, side), now))
-            elif (dirty := _dirty(now, before[1])) is not None:
+            elif (dirty := _dirty(now, versions, *before[1:])) is not None:
                 stale.append(StaleFace(row, *dirty))
         return stale
 
 
-def _dirty(now: Shown, before: Shown) -> tuple[Rect, Shown] | None:
+def _dirty(now: Shown, versions: Array, before: Shown, versions_before: Array) -> tuple[Rect, Shown] | None:
     """The rectangle where one view of two moments may differ, and what is there; None where it does not."""
-    moved = _differ(now, before), _differ(before, now)
-    if not (moved[0].any() or moved[1].any()):
+    came = _differ(now.draws, versions, before.draws, versions_before)
+    gone = _differ(before.draws, versions_before, now.draws, versions)
+    if not (came.any() or gone.any()):
         return None
-    corner = np.concatenate([now.low[moved[0]], before.low[moved[1]]]).min(axis=0)
-    end = np.concatenate([now.high[moved[0]], before.high[moved[1]]]).max(axis=0)
+    corner = np.concatenate([now.low[came], before.low[gone]]).min(axis=0)
+    end = np.concatenate([now.high[came], before.high[gone]]).max(axis=0)
     there = np.all((now.low < end) & (now.high > corner), axis=1)
     return (*corner.tolist(), *(end - corner).tolist()), now.chosen(there)
 
 
-def _differ(a: Shown, b: Shown) -> Array:
-    """Which draws of a are not in b, or have another version there.  (K,) bool."""
-    if np.array_equal(a.draws, b.draws):
-        return a.versions != b.versions
-    place = np.searchsorted(b.draws, a.draws)
-    inside = place < len(b.draws)
-    same = np.zeros(len(a.draws), dtype=bool)
+def _differ(a: Array, a_versions: Array, b: Array, b_versions: Array) -> Array:
+    """Which draws of a (K,) are not in b (L,), or have another version there.  (K,) bool."""
+    if np.array_equal(a, b):
+        return a_versions != b_versions
+    place = np.searchsorted(b, a)
+    inside = place < len(b)
+    same = np.zeros(len(a), dtype=bool)
     at = place[inside]
-    same[inside] = (b.draws[at] == a.draws[inside]) & (b.versions[at] == a.versions[inside])
+    same[inside] = (b[at] == a[inside]) & (b_versions[at] == a_versions[inside])
     return ~same
-
-
-BEHIND = 1.02
-"""How many times as far away as the farthest of what hides it a draw must be: interpolated depth has float32 rounding,
-1e-7 of the largest, 0.4 % of what is as far from a point light as the scene is wide."""
-
-
-SQUARES = 8
-"""Squares along the longer side of a rectangle that is tested against depths."""
-
-
-def hidden(shown: Shown, rect: Rect, depths: Array) -> Array:
-    """Which draws lie behind what a map already shows at all texels of ``rect`` that they cover.  (K,) bool.
-
-    ``depths`` (h, w): reversed depth in the rectangle, row 0 at the bottom.
-    """
-    levels = [depths]  # the farthest depth of squares of 2^i texels
-    while max(levels[-1].shape) > 1:
-        last = np.pad(levels[-1], [(0, n % 2) for n in levels[-1].shape], mode="edge")
-        last = np.minimum(last[::2], last[1::2])
-        levels.append(np.minimum(last[:, ::2], last[:, 1::2]))
-    low, last = np.maximum(shown.low - rect[:2], 0), np.minimum(shown.high - rect[:2], rect[2:]) - 1
-    level = np.ceil(np.log2(np.maximum((last - low + 1).max(axis=1) / SQUARES, 1.0))).astype(int)
-    farthest = np.zeros(len(level))
-    for i, squares in enumerate(levels):
-        at = np.flatnonzero(level == i)
-        steps = np.arange(SQUARES + 1)  # so many squares hold SQUARES times 2^i texels
-        x, y = np.minimum((low[at] >> i)[..., None] + steps, (last[at] >> i)[..., None]).transpose(1, 0, 2)
-        farthest[at] = squares[y[:, :, None], x[:, None]].min(axis=(1, 2))
-    return farthest > BEHIND * shown.nearest

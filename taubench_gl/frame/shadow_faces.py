@@ -13,6 +13,7 @@ import numpy as np
 
 from taubench_gl.animation import FrameState
 from taubench_gl.effects.lighting import Sun
+from taubench_gl.frame.occlusion import Shown, corners_of
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.math3d import cross, normalize
 from taubench_gl.scene.model import Light, Scene
@@ -42,12 +43,6 @@ _CUBE = tuple((cross(f, u), u, f) for f, u in zip(_FORWARD, _UP, strict=True))
 
 NEAR_FRACTION = 1e-4
 """Near plane of a point or spot light's map, as a fraction of the scene's radius; nothing nearer casts a shadow."""
-
-COVER_MARGIN = 2.0
-"""Texels around the projection of a box that count as covered, at most: float32 rounding of vertices on the GPU."""
-
-COVER_FRACTION, COVER_SNAP = 1.0 / 512.0, 1.0 / 64.0
-"""The margin of small maps: this share of the texels along a side, and texels by which corners may be snapped."""
 
 CONE_MARGIN = 1.02
 """A spot's map is this much wider than its cone, so that filter taps at its edge still see casters."""
@@ -133,27 +128,17 @@ class FaceTable:
         ahead = parallel | (at[2] + size[2] > 0)
         return ahead & (np.abs(at[0]) <= reach + size[0]) & (np.abs(at[1]) <= reach + size[1])
 
-    def cover(self, rows: Array, centers: Array, halves: Array) -> tuple[Array, Array, Array]:
-        """Texels whose middles boxes may cover in the maps of faces ``rows`` (P,), and depths of their nearest points.
+    def shown(self, rows: Array, draws: Array, centers: Array, halves: Array) -> Shown:
+        """Where ``draws`` (P,) may be seen in the maps of faces ``rows`` (P,).
 
-        ``centers``, ``halves`` (P, 3) as of ``sees``.  First and end (P, 2) int64 of a rectangle, cut at the map, and
-        reversed depth (P,) as in the map, 1 for what reaches behind the near plane; all conservative.
+        ``centers``, ``halves`` (P, 3) as of ``sees``.
         """
-        axes, depth_range = self.axes[rows], self.near[rows]
-        at = np.einsum("pj,pij->pi", centers - self.origin[rows], axes)
-        size = np.einsum("pj,pij->pi", halves, np.abs(axes))
-        parallel, front, back = self.parallel[rows], at[:, 2] - size[:, 2], at[:, 2] + size[:, 2]
-        ahead = parallel | (front > depth_range)  # what reaches behind the near plane may be anywhere
-        nearest, farthest = (np.where(ahead & ~parallel, depth, 1.0)[:, None] for depth in (front, back))
-        near, far = at[:, :2] - size[:, :2], at[:, :2] + size[:, :2]
-        near = np.where(ahead[:, None], near / np.where(near < 0, nearest, farthest), -np.inf)
-        far = np.where(ahead[:, None], far / np.where(far > 0, nearest, farthest), np.inf)
-        texels = self.resolution[rows, None]
-        low, high = ((0.5 + 0.5 * side / self.half[rows, None]) * texels for side in (near, far))
-        margin = np.minimum(COVER_MARGIN, COVER_FRACTION * texels + COVER_SNAP)
-        low, high = (np.clip(side, 0, texels) for side in (low - margin, high + margin))
-        depth = np.where(parallel, 1.0 - front / depth_range, np.where(ahead, depth_range / nearest[:, 0], 1.0))
-        return np.ceil(low - 0.5).astype(np.int64), np.floor(high + 0.5).astype(np.int64), depth
+        at = np.einsum("pcj,pij->pci", corners_of(centers - self.origin[rows], halves), self.axes[rows])
+        at[..., :2] /= self.half[rows, None, None]
+        z, near, parallel = at[..., 2:], self.near[rows, None, None], self.parallel[rows, None, None]
+        depth = np.where(parallel, 1.0 - z / near, near)
+        clip = np.concatenate([at[..., :2], depth, np.where(parallel, 1.0, z)], axis=-1)
+        return Shown.projected(draws, clip, self.resolution[rows, None])
 
 
 def map_sizes(scene: Scene, ranked: list[int], texels: int, limit: int, sun: Sun | None = None) -> dict[int, int]:

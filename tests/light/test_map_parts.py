@@ -7,8 +7,9 @@ import pytest
 from light_tools import floor, lambert, look, opened, shoot
 from test_shadow_cache import SIZE, street
 
-from taubench_gl.frame.casters import BEHIND, SQUARES, Shown, hidden
+from taubench_gl.frame import occlusion
 from taubench_gl.frame.lights import UnrolledLights, unrolled_lights
+from taubench_gl.frame.occlusion import BEHIND, ROUNDING, SQUARES, Shown
 from taubench_gl.frame.passes import shadows
 from taubench_gl.frame.passes.shadows import FaceDrawer
 from taubench_gl.frame.shadow_faces import FaceTable, light_faces
@@ -29,7 +30,8 @@ def test_no_texel_in_which_a_box_can_be_seen_falls_outside_what_it_covers(kind, 
     tried = 0
     for face in light_faces(0, light, where, direction, (np.zeros(3), 8.0), texels, cube=wide):
         table = FaceTable([face])
-        low, high, nearest = table.cover(np.zeros(200, dtype=int), centers, halves)
+        shown = table.shown(np.zeros(200, dtype=int), np.arange(200), centers, halves)
+        low, high, nearest = shown.low, shown.high, shown.nearest
         assert low.min() >= 0 and high.max() <= texels
         depths = (0.0, face.near) if face.parallel else (face.near, 8.0)
         texel, z = rng.integers(0, texels, (4000, 2)), rng.uniform(*depths, 4000)
@@ -55,12 +57,11 @@ def test_what_is_hidden_lies_behind_every_texel_that_it_covers():
         low = np.column_stack([rng.integers(0, n, 500) for n in (width, height)])
         high = np.minimum(low + rng.integers(1, 30, (500, 2)), (width, height))
         nearest = rng.uniform(0.0, 0.8, 500)
-        shown = Shown(np.arange(500), np.zeros(500), low + 4, high + 4, nearest)
-        found = hidden(shown, (4, 4, width, height), depths)
+        found = Shown(np.arange(500), low + 4, high + 4, nearest).hidden((4, 4, width, height), depths)
         farthest = np.array([depths[y:v, x:u].min() for (x, y), (u, v) in zip(low, high, strict=True)])
         assert found.any() and (farthest > nearest)[found].all()
         exact = np.all(high - low <= SQUARES, axis=1)
-        assert np.array_equal(found[exact], (farthest > BEHIND * nearest)[exact])
+        assert np.array_equal(found[exact], (farthest > BEHIND * nearest + ROUNDING)[exact])
 
 
 def columns() -> Scene:
@@ -83,7 +84,7 @@ def test_maps_without_what_is_hidden_are_those_with_it(gpu, monkeypatch):
     scene, drawn = columns(), []
 
     def maps(least: int) -> list[np.ndarray]:
-        monkeypatch.setattr(shadows, "OCCLUSION_TRIANGLES", least)
+        monkeypatch.setattr(occlusion, "LARGE", least)
         drawn.append(0)
         out = []
         with opened(gpu, scene, columns=("direct", "indirect"), **SIZE) as source:

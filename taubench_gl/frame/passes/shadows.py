@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taubench_gl.animation.pose import moved_nodes
-from taubench_gl.frame.casters import Rect, ShadowMapCache, Shown, StaleFace, hidden
+from taubench_gl.frame import occlusion
+from taubench_gl.frame.casters import ShadowMapCache, StaleFace
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey
+from taubench_gl.frame.occlusion import Rect
 from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant, reads_material
 from taubench_gl.frame.records import RECORD, Placement, RecordTable
 from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers, triangles_of
@@ -131,11 +133,8 @@ def merged(
     return out
 
 
-OCCLUSION_TRIANGLES = 1 << 18
-"""Triangles of a face from which on llvmpipe first draws the nearest, to leave out what they hide."""
-
-OCCLUDERS, TURNS = 16, 3
-"""It then draws one in so many of the triangles, the nearest, before it looks what they hide: at most so many times."""
+PlacedFace = tuple[Face, tuple[int, int], StaleFace]
+"""A face that is out of date, with its place in the atlas."""
 
 
 class FaceDrawer:
@@ -204,7 +203,7 @@ class FaceDrawer:
     def draw_stale(
         self,
         frame: FrameContext,
-        stale: Sequence[tuple[Face, tuple[int, int], StaleFace]],
+        stale: Sequence[PlacedFace],
         variant_of: Callable[[Group], Variant],
         anchor: AnchoredRecords,
         *,
@@ -214,37 +213,30 @@ class FaceDrawer:
 
         ``ordered``: of equal depths the first one drawn counts, in the order of the scene's draws.
         """
-        triangles, software = frame.buffers.triangles, self._gpu.software
-        hiding = [software and triangles[s.shown.draws].sum() >= OCCLUSION_TRIANGLES for *_, s in stale]
+        triangles = frame.buffers.triangles
+        many = [self._gpu.software and triangles[s.shown.draws].sum() >= occlusion.LARGE for *_, s in stale]
+        plain, large = ([f for f, on in zip(stale, many, strict=True) if on == which] for which in (False, True))
 
-        def draw(faces: list[tuple[Face, tuple[int, int], StaleFace]], draws: list[Array], clear: bool = True) -> None:
+        def draw(faces: list[PlacedFace], draws: list[Array], clear: bool = True) -> None:
             drawn = [(face, place, some) for (face, place, _), some in zip(faces, draws, strict=True)]
             self.draw(frame, drawn, variant_of, anchor=anchor, parts=[s.rect for *_, s in faces], clear=clear)
 
-        plain, large = ([f for f, chosen in zip(stale, hiding, strict=True) if chosen == on] for on in (False, True))
         draw(plain, [s.shown.draws for *_, s in plain])
-        rest = [s.shown.chosen(np.argsort(-s.shown.nearest, kind="stable")) for *_, s in large]
-        most = [triangles[shown.draws].sum() // OCCLUDERS for shown in rest]
-        seen = [np.zeros(0, dtype=np.int64)] * len(large)
-        for turn in range(TURNS):
-            counts = [np.searchsorted(np.cumsum(triangles[shown.draws]), n, "right") for shown, n in zip(rest, most)]
-            if turn == TURNS - 1:
-                counts = [len(shown.draws) for shown in rest]
-            nearest = [np.sort(shown.draws[:n]) for shown, n in zip(rest, counts, strict=True)]
-            draw(large, nearest, clear=turn == 0)
-            seen = [np.concatenate(pair) for pair in zip(seen, nearest, strict=True)]
-            rest = [shown.chosen(slice(n, None)) for shown, n in zip(rest, counts, strict=True)]
-            rest = [self._unhidden(shown, *face) for shown, face in zip(rest, large, strict=True)]
+        queues = [occlusion.NearestFirst(s.shown, s.rect, triangles) for *_, s in large]
+        for turn in range(occlusion.TURNS):
+            draw(large, [queue.take() for queue in queues], clear=turn == 0)
+            for queue, (_, place, _) in zip(queues, large, strict=True):
+                queue.leave_out(self._depths(place, queue.rect))
         if ordered:
-            draw(large, [np.sort(draws) for draws in seen])
+            draw(large, [queue.seen for queue in queues])
+        else:
+            draw(large, [queue.rest.draws for queue in queues], clear=False)
 
-    def _unhidden(self, shown: Shown, face: Face, place: tuple[int, int], stale: StaleFace) -> Shown:
-        """``shown`` of a face without the draws that lie behind what is drawn."""
-        (x, y), (px, py, *size) = place, stale.rect
-        if not len(shown.draws):
-            return shown
-        depths = self._framebuffer.read(viewport=(x + px, y + py, *size), components=1, attachment=-1, dtype="f4")
-        return shown.chosen(~hidden(shown, stale.rect, np.frombuffer(depths, np.float32).reshape(size[::-1])))
+    def _depths(self, place: tuple[int, int], rect: Rect) -> Array:
+        """Reversed depth in ``rect`` of the face at ``place``, (h, w) float32, row 0 at the bottom."""
+        viewport = (place[0] + rect[0], place[1] + rect[1], *rect[2:])
+        depths = self._framebuffer.read(viewport=viewport, components=1, attachment=-1, dtype="f4")
+        return np.frombuffer(depths, np.float32).reshape(rect[:1:-1])
 
     def _upload_frames(self, matrices: list[Array], stale: Sequence[tuple[Face, tuple[int, int], Array]]) -> None:
         """Two records per face, for fixed and for posed draws, all written before the first draw.
@@ -340,7 +332,7 @@ class ShadowPass(Owner):
             key = frame.materials.keys[group.material + 1]
             return _variant(key, group.posed, group.material in self._spec.colored)
 
-        def placed(stale: list[StaleFace]) -> list[tuple[Face, tuple[int, int], StaleFace]]:
+        def placed(stale: list[StaleFace]) -> list[PlacedFace]:
             return [(faces[s.number], self._offsets[s.number], s) for s in stale]
 
         dirty = self._cache.update(rows, table, casters)
