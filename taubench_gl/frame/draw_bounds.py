@@ -71,13 +71,15 @@ class DrawBounds:
         return centers, radii
 
     def boxes(self, state: FrameState, world: Array) -> tuple[Array, Array]:
-        """Centers and half extents (D, 3) of world boxes around the draws, finite; arguments of ``at``."""
+        """Centers and half extents (D, 3) of world boxes around the draws; arguments of ``at``."""
         centers, radii = self.at(state, world)
-        halves = np.repeat(radii[:, None], 3, axis=1)
+        return centers, self.halves(world, radii)
+
+    def halves(self, world: Array, radii: Array) -> Array:
+        """Half extents (D, 3) of world boxes around draws in spheres of ``radii`` (D,); finite."""
         turned = np.einsum("dij,dj->di", np.abs(world[:, :3, :3]), self._halves)
-        fixed = np.setdiff1d(np.arange(len(halves)), self._posed)
-        halves[fixed] = np.minimum(halves, turned)[fixed]
-        return centers, np.minimum(halves, LARGEST)
+        turned[self._posed] = LARGEST
+        return np.minimum(turned, np.minimum(radii, LARGEST)[:, None])
 
     def of_fixed(self, world: Array) -> tuple[Array, Array]:
         """Centers (D, 3) and radii (D,), world, of fixed draws; posed draws get infinite radii."""
@@ -112,18 +114,25 @@ def in_view(clip_from_relative: Array, centers: Array, radii: Array, offsets: Ar
     """Which spheres may reach into the view volume, (D,) bool; spheres that are not finite are always in.
 
     ``centers`` (D, 3), ``radii`` (D,) and ``clip_from_relative`` (4, 4) relative to the camera; ``offsets`` (D,): how
-    far the origins of the draws are from it.  The slack covers what float32 makes of vertices on the GPU: its rounding
-    grows with the largest of the terms that are added up; that of a plane is no larger than the distance of a sphere
-    which touches it.
+    far the origins of the draws are from it.  The rounding of a plane is no larger than the distance of a sphere which
+    touches it.
     """
     x, y, z, w = clip_from_relative
     planes = np.stack([w + x, w - x, w + y, w - y, w - z, z])  # reversed Z in [0, 1]
     steepness = np.linalg.norm(planes[:, :3], axis=1)
-    slack = 1e-4 * (np.linalg.norm(centers, axis=1) + radii) + 1e-5 * offsets
+    slack = rounding(centers, radii, offsets)
     depth = centers @ planes[:, :3].T + planes[:, 3]
     with np.errstate(invalid="ignore"):
         reach = (radii + slack)[:, None] * steepness
         return ~(depth < -reach).any(axis=1)
+
+
+def rounding(centers: Array, radii: Array, offsets: Array) -> Array:
+    """By how much float32 on the GPU may displace vertices of draws, (D,) meters; arguments of ``in_view``.
+
+    It grows with the largest of the terms that are added up.
+    """
+    return 1e-4 * (np.linalg.norm(centers, axis=1) + radii) + 1e-5 * offsets
 
 
 def bounding_sphere_of(points: Array) -> tuple[Array, float]:

@@ -56,7 +56,8 @@ class Shown:
         depth, w = clip[..., 2], clip[..., 3]
         ahead = np.all((w > 0.0) & (depth < w), axis=1)
         w = np.where(ahead[:, None], w, 1.0)
-        at = np.where(ahead[:, None, None], clip[..., :2] / w[..., None], [[-1.0], [1.0]] * 4)
+        anywhere = [[-1.0], [1.0]] * 4
+        at = np.where(ahead[:, None, None], clip[..., :2] / w[..., None], anywhere)
         margin = np.minimum(COVER_MARGIN, COVER_FRACTION * size + COVER_SNAP)
         low = np.clip((0.5 + 0.5 * at.min(axis=1)) * size - margin, 0, size)
         high = np.clip((0.5 + 0.5 * at.max(axis=1)) * size + margin, 0, size)
