@@ -64,7 +64,7 @@ def opened_page(browser, page_file) -> Iterator[Any]:
 
 @pytest.fixture
 def page(opened_page) -> Any:
-    """The page of both runs, opened once: tests leave masks and thresholds as they found them, of frame 7, the worst."""
+    """The page of both runs at frame 7, opened once: tests leave masks and thresholds as they found them."""
     opened_page.locator("#frame").fill("6")
     opened_page.locator("[data-mode=masks]").click()
     shown_frame(opened_page, 7)
@@ -245,7 +245,8 @@ def test_first_image_is_drawn_before_the_load_event_ends(browser, page_file):
     page = context.new_page()
     page.add_init_script("addEventListener('load', () => { atLoad = document.querySelector('.stage').dataset.frame; })")
     page.goto(page_file.as_uri())
-    assert page.evaluate("atLoad") == page.evaluate("document.querySelector('.stage').dataset.frame") == "7"  # the worst
+    shown = page.evaluate("document.querySelector('.stage').dataset.frame")
+    assert page.evaluate("atLoad") == shown == "7", "the worst frame"
     context.close()
 
 
