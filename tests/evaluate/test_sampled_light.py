@@ -152,7 +152,7 @@ def test_a_run_within_its_budget_ends(monkeypatch):
 def test_a_time_takes_the_place_of_the_number_of_samples(monkeypatch):
     """Rounds go on after the samples of a run without a time, until the intervals are narrow."""
     monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=8, limit=64, samples=1))
-    settings = fixed_settings(**DEMO_SETTINGS, light_within=20.0)
+    settings = fixed_settings(**DEMO_SETTINGS | {"width": 32, "height": 18}, light_within=20.0)
     one, many = (
         evaluate_scene(DEMO, settings.replace(light_time=t), sampled=True).summary["sampled_light"]
         for t in (None, 1000.0)
