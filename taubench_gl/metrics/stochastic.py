@@ -71,18 +71,29 @@ class LightCells:
         points outside of the box: power alone.  A cell: power times the range window at its nearest point, over the
         squared distance of its center, at least a quarter of its squared side, and at least the extent.
         """
-        shape = (*self.counts, len(power))
-        centered, nearest = np.zeros(shape), np.zeros(shape)
-        for axis, count in enumerate(self.counts):
-            across = self.low[axis] + self.side * (np.arange(count)[:, None] + 0.5) - positions[None, :, axis]
-            place = tuple(slice(None) if k in (axis, 3) else None for k in range(4))
-            centered += (across**2)[place]
-            nearest += (np.maximum(np.abs(across) - 0.501 * self.side, 0.0) ** 2)[place]
-        window = 1.0 - (nearest / np.where(ranges > 0.0, ranges, np.inf) ** 2) ** 2
-        least = np.maximum(0.25 * self.side**2, extents)
-        falloff = np.where(faded, 1.0 / np.maximum(centered, least), 1.0)
-        cells = power * falloff * np.clip(window, 0.0, 1.0)
-        return np.concatenate([power[None], cells.reshape(math.prod(self.counts), len(power))])
+        across = [
+            low + self.side * (np.arange(count)[:, None] + 0.5) - at
+            for low, count, at in zip(self.low, self.counts, np.transpose(positions), strict=True)
+        ]
+        out = np.empty((1 + math.prod(self.counts), len(power)))
+        out[0] = power
+        cells = out[1:].reshape(*self.counts, len(power))
+        _sums_of_axes([x**2 for x in across], cells)  # squared distances of the centers, which the rest replaces
+        np.maximum(cells, np.maximum(0.25 * self.side**2, extents), out=cells)
+        cells[..., ~faded] = 1.0
+        np.divide(1.0, cells, out=cells)
+        cells *= power
+        if (ranges > 0.0).any():
+            nearest = _sums_of_axes([np.maximum(np.abs(x) - 0.501 * self.side, 0.0) ** 2 for x in across])
+            window = 1.0 - (nearest / np.where(ranges > 0.0, ranges, np.inf) ** 2) ** 2
+            cells *= np.clip(window, 0.0, 1.0)
+        return out
+
+
+def _sums_of_axes(parts: list[Array], out: Array | None = None) -> Array:
+    """Sums of a number of each axis of a grid, ``parts`` (n, L) of each of three axes: (n0, n1, n2, L)."""
+    x, y, z = parts
+    return np.add(x[:, None, None] + y[:, None], z, out=out)
 
 
 def cell_choice(importance: Array) -> tuple[Array, Array]:
@@ -92,10 +103,13 @@ def cell_choice(importance: Array) -> tuple[Array, Array]:
     probability is the difference of the *rounded* cumulative ones, as of ``light_choice``.
     """
     reached = importance > 0.0
-    counts = reached.sum(axis=1)
+    counts = np.count_nonzero(reached, axis=1)
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
     scale = np.divide(1.0 - CELL_UNIFORM_SHARE, importance.sum(axis=1), out=np.zeros(len(counts)), where=counts > 0)
-    share = importance * scale[:, None] + reached * (CELL_UNIFORM_SHARE / np.maximum(counts, 1))[:, None]
-    cumulative, (_, light) = np.cumsum(share, axis=1)[reached], np.nonzero(reached)
-    cumulative[first[1:][counts > 0] - 1] = 1.0
-    return first, np.stack([cumulative, light], axis=1).astype(np.float32)
+    share = importance * scale[:, None]
+    share += reached * (CELL_UNIFORM_SHARE / np.maximum(counts, 1))[:, None]
+    entries = np.empty((first[-1], 2), np.float32)
+    entries[:, 0] = np.cumsum(share, axis=1, out=share)[reached]
+    entries[first[1:][counts > 0] - 1, 0] = 1.0
+    entries[:, 1] = np.broadcast_to(np.arange(importance.shape[1], dtype=np.float32), importance.shape)[reached]
+    return first, entries

@@ -421,8 +421,9 @@ class PathTracing(Owner):
             first, entries = self.attributes.groups.choice(self._grid, frame.placement)
             tables.append((first + np.int32(sum(len(entries) for _, entries in tables)), entries))
         firsts, entries = (np.concatenate(parts) for parts in zip(*tables, strict=True))
-        for name, payload in (("light_cells", firsts.tobytes()), ("light_entries", entries.tobytes() or bytes(8))):
-            self.tables[name].orphan(len(payload))
+        for name, payload in (("light_cells", firsts), ("light_entries", entries if len(entries) else np.zeros(1))):
+            if self.tables[name].size != payload.nbytes:
+                self.tables[name].orphan(payload.nbytes)
             self.tables[name].write(payload)
 
     def _punctual_cells(self, frame: FrameContext) -> tuple[Array, Array]:
