@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -292,9 +292,8 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
     not finite are ignored.  Nothing visible: a unit sphere at the origin; a single point: radius 1 around it.
     """
     scene, clouds, boxes = poser.scene, [], {}
-    for t in times:
-        state = poser.sample(t)
-        clouds += [_drawn_points(scene, state, node, boxes) for node in scene.mesh_nodes if state.visible[node]]
+    for state, nodes in _drawn_nodes(poser, times):
+        clouds += [_drawn_points(scene, state, node, boxes) for node in nodes]
     points = np.concatenate(clouds) if clouds else np.zeros((0, 3))
     points = points[np.all(np.isfinite(points), axis=-1)]
     if not len(points):
@@ -307,13 +306,24 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
 def bounding_box(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, Array]:
     """Low and high corner, world, (3,) each, of everything drawn at ``times``; a unit box where nothing is drawn."""
     low, high, boxes = np.full(3, np.inf), np.full(3, -np.inf), {}
-    for t in times:
-        state = poser.sample(float(t))
-        for node in poser.scene.mesh_nodes[state.visible[poser.scene.mesh_nodes]].tolist():
+    for state, nodes in _drawn_nodes(poser, times):
+        for node in nodes:
             points = _drawn_points(poser.scene, state, node, boxes)
             if len(points):
                 low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     return (low, high) if np.all(np.isfinite(low)) else (np.full(3, -0.5), np.full(3, 0.5))
+
+
+def _drawn_nodes(poser: Poser, times: Sequence[float] | Array) -> Iterator[tuple[FrameState, list[int]]]:
+    """The pose at each of ``times``, and the visible nodes with a mesh: after the first time, those that may move."""
+    scene = poser.scene
+    morphed = np.array([any(p.targets for p in mesh.primitives) for mesh in scene.meshes] + [False])  # -1: no mesh
+    moves = moved_nodes(scene, scene.channels) | (scene.nodes.skin >= 0) | morphed[scene.nodes.mesh]
+    nodes = scene.mesh_nodes
+    for t in times:
+        state = poser.sample(float(t))
+        yield state, nodes[state.visible[nodes]].tolist()
+        nodes = nodes[moves[nodes]]
 
 
 def _drawn_points(scene: Scene, state: FrameState, node: int, boxes: dict[int, Array]) -> Array:
