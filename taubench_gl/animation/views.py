@@ -291,10 +291,7 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
     sphere can be larger than necessary; skinned and morphed meshes contribute their posed vertices.  Points that are
     not finite are ignored.  Nothing visible: a unit sphere at the origin; a single point: radius 1 around it.
     """
-    scene, clouds, boxes = poser.scene, [], {}
-    for state, nodes in _drawn_nodes(poser, times):
-        clouds += [_drawn_points(scene, state, node, boxes) for node in nodes]
-    points = np.concatenate(clouds) if clouds else np.zeros((0, 3))
+    points = np.concatenate([np.zeros((0, 3)), *_drawn_clouds(poser, times)])
     points = points[np.all(np.isfinite(points), axis=-1)]
     if not len(points):
         return np.zeros(3), 1.0
@@ -305,25 +302,24 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
 
 def bounding_box(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, Array]:
     """Low and high corner, world, (3,) each, of everything drawn at ``times``; a unit box where nothing is drawn."""
-    low, high, boxes = np.full(3, np.inf), np.full(3, -np.inf), {}
-    for state, nodes in _drawn_nodes(poser, times):
-        for node in nodes:
-            points = _drawn_points(poser.scene, state, node, boxes)
-            if len(points):
-                low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for points in _drawn_clouds(poser, times):
+        if len(points):
+            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     return (low, high) if np.all(np.isfinite(low)) else (np.full(3, -0.5), np.full(3, 0.5))
 
 
-def _drawn_nodes(poser: Poser, times: Sequence[float] | Array) -> Iterator[tuple[FrameState, list[int]]]:
-    """The pose at each of ``times``, and the visible nodes with a mesh: after the first time, those that may move."""
-    scene = poser.scene
-    morphed = np.array([any(p.targets for p in mesh.primitives) for mesh in scene.meshes] + [False])  # -1: no mesh
-    moves = moved_nodes(scene, scene.channels) | (scene.nodes.skin >= 0) | morphed[scene.nodes.mesh]
+def _drawn_clouds(poser: Poser, times: Sequence[float] | Array) -> Iterator[Array]:
+    """``_drawn_points`` of every node that is drawn at one of ``times``; of those that nothing moves, once."""
+    scene, boxes = poser.scene, {}
     nodes = scene.mesh_nodes
-    for t in times:
+    morphed = [any(p.targets for p in scene.primitives(node)) for node in nodes.tolist()]
+    changes = moved_nodes(scene, scene.channels)[nodes] | (scene.nodes.skin[nodes] >= 0) | np.array(morphed, dtype=bool)
+    for number, t in enumerate(times):
         state = poser.sample(float(t))
-        yield state, nodes[state.visible[nodes]].tolist()
-        nodes = nodes[moves[nodes]]
+        at = nodes[changes] if number else nodes
+        for node in at[state.visible[at]].tolist():
+            yield _drawn_points(scene, state, node, boxes)
 
 
 def _drawn_points(scene: Scene, state: FrameState, node: int, boxes: dict[int, Array]) -> Array:
