@@ -34,9 +34,13 @@ def unit_quaternions(q: Array) -> Array:
     return np.where(np.any(q, axis=-1, keepdims=True), q, (0.0, 0.0, 0.0, 1.0))
 
 
+_CORNERS = np.array([(x, y, z) for y in (0, 1) for x in (0, 1) for z in (0, 1)], dtype=bool)
+
+
 def box_corners(points: Array) -> Array:
     """The corners of the axis-aligned bounding box of ``points`` (N, 3), N > 0.  -> (8, 3) float64."""
-    return np.array(np.meshgrid(*np.transpose(bounds(points))), dtype=np.float64).reshape(3, 8).T
+    low, high = bounds(points)
+    return np.where(_CORNERS, high, low).astype(np.float64)
 
 
 def bounds(points: Array) -> tuple[Array, Array]:

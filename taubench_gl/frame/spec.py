@@ -272,7 +272,8 @@ class FrameSpec:
     # --- what is drawn
     def material(self, primitive: Primitive) -> Material:
         material = self.scene.materials[primitive.material] if primitive.material >= 0 else Material()
-        return material if "alpha_mask" in self.enabled else dataclasses.replace(material, alpha_mode="OPAQUE")
+        masked = "alpha_mask" in self.enabled or material.alpha_mode == "OPAQUE"
+        return material if masked else dataclasses.replace(material, alpha_mode="OPAQUE")
 
     def material_key(self, primitive: Primitive, channels: Iterable[str]) -> MaterialKey:
         return material_key(self.material(primitive), channels, normal_maps="normal_maps" in self.enabled)

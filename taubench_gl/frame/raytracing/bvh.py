@@ -113,8 +113,9 @@ def _build(boxes: Array, starts: Array, leaf: int, watch: Callable[[int], None] 
         _grow(boxes, starts, leaf, order, found, nodes_of, right, first, count, stack, state, spare)
         watch(int(state[2]))
     nodes = state[1]
+    high = np.negative(nodes_of[:nodes, 4:7], out=nodes_of[:nodes, 4:7])
     # Views: what lies behind them was never touched and takes no memory, copies would at the moment when most is taken.
-    return Tree(nodes_of[:nodes, :3], -nodes_of[:nodes, 4:7], right[:nodes], first[:nodes], count[:nodes], found)
+    return Tree(nodes_of[:nodes, :3], high, right[:nodes], first[:nodes], count[:nodes], found)
 
 
 def skips(tree: Tree) -> Array:

@@ -90,9 +90,13 @@ def last_words(tree: Tree, first_triangle: int) -> Array:
     """Word w of every node.  (N,) uint32."""
     from taubench_gl.frame.raytracing.bvh import skips
 
-    leaf = (np.maximum(tree.count, 1) - 1).astype(np.uint32) << LEAF_COUNT_SHIFT
-    leaf |= LEAF_BIT | (first_triangle + tree.first).astype(np.uint32)
-    return np.where(tree.count > 0, leaf, skips(tree).view(np.uint32))
+    out = skips(tree).view(np.uint32)
+    for at in range(0, len(tree), AT_ONCE):
+        count, first = tree.count[at : at + AT_ONCE], tree.first[at : at + AT_ONCE]
+        leaf = (np.maximum(count, 1) - 1).astype(np.uint32) << LEAF_COUNT_SHIFT
+        leaf |= LEAF_BIT | (first_triangle + first).astype(np.uint32)
+        np.copyto(out[at : at + AT_ONCE], leaf, where=count > 0)
+    return out
 
 
 def node_texels(tree: Tree, first_triangle: int) -> Array:

@@ -143,7 +143,7 @@ class StoredTrees:
             vertices[starts[i] : starts[i + 1], :3] = (part.vertices - grid.center) * grid.scale
             np.add(part.triangles, np.uint32(starts[i]), out=triangles[at[i] : at[i + 1]])
         number, draw = np.concatenate([p.number for p in parts]), np.repeat(np.uint32([p.draw for p in parts]), counts)
-        flags = np.repeat(alpha.astype(np.uint32), counts)
+        flags = np.repeat(alpha, counts)
         parts.clear()  # the caller has the list
         before, self._placed = self._placed, self._placed + len(triangles)
         tree = build_over(vertices, triangles, lambda done: progressed((before + done) / self._total))

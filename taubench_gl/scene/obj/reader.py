@@ -208,7 +208,7 @@ class _Assembly:
         open_tracks: dict[str, _Track] = {}
         for frame, path in enumerate(self.files):
             progressed(frame / len(self.files))
-            file = parse_obj(path, self.notes)
+            file = parse_obj(path, self.notes, lambda share, frame=frame: progressed((frame + share) / len(self.files)))
             self.identity.add(file.data)
             self._notes(file)
             now: dict[str, _Track] = {}
