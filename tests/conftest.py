@@ -238,7 +238,7 @@ def fixed_light() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def coarse_light() -> Iterator[None]:
     """Fixed light of few texels and probes, for modules whose subject is not its accuracy."""
-    with _lighting_defaults(**{**FIXED, "shadow_size": 64}, probes=32):
+    with _lighting_defaults(**{**FIXED, "shadow_size": 64, "probes": 32}):
         yield
 
 

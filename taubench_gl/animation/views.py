@@ -382,7 +382,7 @@ class _Subject:
         size = np.abs(away) / np.maximum(distance, 1e-30) ** 3
         kept = np.argsort(size)[-ROOM_TRIANGLES:]
         a, b, c, normal, away = (each[kept] for each in (a, b, c, normal, away))
-        found = []
+        found, open_ = [], 0
         for ray in _directions(ROOM_DIRECTIONS):
             slope = normal @ ray
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -392,10 +392,13 @@ class _Subject:
                 inside = (reach > 0.0) & np.isfinite(reach) & (np.minimum.reduce(sides) >= 0.0)
             nearest = np.argmin(np.where(inside, reach, np.inf)) if inside.any() else None
             found.append((*ray, reach[nearest], slope[nearest] < 0.0) if nearest is not None else (*ray, np.inf, False))
+            open_ += not found[-1][-1]
+            if (ROOM_DIRECTIONS - open_) / ROOM_DIRECTIONS < CLOSED:
+                return None
         rays = np.array(found)
         front = rays[:, 4] == 1.0
         level, upward = front & (np.abs(rays[:, 1]) < 0.5), front & (rays[:, 1] > 0.9)
-        if front.mean() < CLOSED or not level.any():
+        if not level.any():
             return None
         walls = float(np.percentile(rays[level, 3] * np.hypot(rays[level, 0], rays[level, 2]), NEAR_WALLS))
         return walls, float(rays[upward, 3].min()) if upward.any() else walls

@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -269,7 +270,7 @@ def _simplicity(each: tuple[bool, Reading, float]) -> tuple[bool, int, float, li
 
 
 # ---------------------------------------------------------------------------------------------------------- verdicts
-@dataclass(slots=True)
+@dataclass
 class _Checked:
     """What the search found, as verdicts."""
 
@@ -278,6 +279,10 @@ class _Checked:
     best: Reading
     alike: list[Reading]  # others that explain as many pixels
     bases: _Explained
+
+    def __post_init__(self) -> None:
+        # Every verdict compares with the best reading.
+        self._placed, self._moved = cache(self._placed), cache(self._moved)
 
     @property
     def basis(self) -> str:

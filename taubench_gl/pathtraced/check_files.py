@@ -86,7 +86,7 @@ class Files:
     placed: dict[int, Samples] = field(default_factory=dict)
     every: dict[int, Samples] = field(default_factory=dict)
     few: dict[int, Samples] = field(default_factory=dict)
-    views: dict[tuple[int, int, Reading], View | None] = field(default_factory=dict)
+    views: dict[tuple[int, int, str, str, str], View | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.offsets = [offset for offset in self.offsets if offset != getattr(self.camera, "offset", None)]
@@ -146,7 +146,7 @@ class Files:
         """Whether surface points are known: there is a position or a depth pass."""
         return self.positions or self.any_frame.depth is not None
 
-    @property
+    @cached_property
     def fitted(self) -> bool:
         """Whether the camera is estimated from the files, which shows neither axes nor units."""
         return isinstance(self.camera, cams.FittedCamera)
@@ -162,10 +162,10 @@ class Files:
         shown = number + self.steps(reading)
         if "backwards" in reading.order:
             shown = self.sequence.frames[0] + self.sequence.frames[-1] - number
-        key = (number, shown, Reading(rows=reading.rows * self.fitted, matrix=reading.matrix, lens=reading.lens))
+        key = number, shown, reading.rows * self.fitted, reading.matrix, reading.lens
         if key not in self.views:
             try:
-                self.views[key] = self._view(*key)
+                self.views[key] = self._view(number, shown, Reading(rows=key[2], matrix=key[3], lens=key[4]))
             except (PathTracedError, KeyError):
                 self.views[key] = None
         return self.views[key]

@@ -32,7 +32,7 @@ BLENDER = "Khronos glTF Blender I/O v4.5.51"
 SIZE = {"width": 64, "height": 48}
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 LIGHT = ("frustum", "direct", "color")
-CHEAP = {"shadow_size": 64, "probes": 32}
+CHEAP = {"shadow_size": 64, "probes": 32, "indirect_samples": 256}
 
 
 def two_floors(albedos=(0.8, 0.2), illuminance: float = 1000.0):
@@ -213,12 +213,12 @@ def test_a_run_records_its_lighting(tmp_path):
 
 def test_a_batch_meters_once_and_equals_evaluate(tmp_path):
     text = f'scenes = ["{DEMO}"]\nsize = "64x48"\nframes = "0:6"\nshadow_size = 64\nlight = "raster"\n'
-    text += 'columns = ["frustum", "direct", "color"]\n'
+    text += 'columns = ["frustum", "direct", "color"]\nprobes = 32\nindirect_samples = 256\n'
     (tmp_path / "spec.toml").write_text(text)
     spec = read_spec(tmp_path / "spec.toml")
     run_batch(spec, tmp_path / "out", chunk=2)
     batch = load_run(tmp_path / "out" / "jobs" / spec.jobs[0].id).summary
-    alone = evaluate_scene(DEMO, fixed_settings(**SIZE | AUTO, shadow_size=64, frames=(0, 6), columns=LIGHT)).summary
+    alone = evaluate_scene(DEMO, fixed_settings(**SIZE | AUTO | CHEAP, frames=(0, 6), columns=LIGHT)).summary
     for block in ("settings", "lighting", "discard", "brightness", "scale", "notes"):
         assert batch[block] == json.loads(json.dumps(alone[block])), block
     assert batch["brightness"]["frames"] == 3

@@ -63,5 +63,5 @@ def test_vpls_that_fit_are_allocated():
 
 def test_probe_visibility_larger_than_a_buffer_is_refused():
     with pytest.raises(GraphicsError, match="93312") as refusal:
-        allocate(needed(indirect_light, indirect="probes", probes=700), 16384, 90_000)
+        allocate(needed(indirect_light, indirect="probes", probes=700, indirect_samples=1024), 16384, 90_000)
     assert "probes" in refusal.value.hint
