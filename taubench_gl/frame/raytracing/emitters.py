@@ -55,7 +55,8 @@ def emitter_table(
     ``extent``: square meters, its area and how far it moves in a posed draw.
     """
     materials = (Material(), *scene.materials)
-    rows = [i for i, d in enumerate(draws) if any(hit_emission(materials[d.material + 1], options))]
+    emits = [any(hit_emission(materials[d.material + 1], options)) and not d.repeats for d in draws]
+    rows = np.flatnonzero(emits).tolist()
     if not rows:
         return np.zeros(0, EMITTER)
     # What changes may show at other times than those of ``states``.
