@@ -101,15 +101,6 @@ def test_wrong_name_answers_with_the_nearest(function, arguments, near):
     assert caught.value.hint == f"did you mean {near}?"
 
 
-@pytest.mark.parametrize("out", [None, "out"])
-def test_on_pair_gets_every_pair(tmp_path, out):
-    masks = {}
-    keep = lambda pair: masks.update({pair.frame: pair.mask})  # noqa: E731
-    run = tb.evaluate(DEMO, on_pair=keep, out=out and tmp_path / out, **GEOMETRY)
-    assert list(masks) == [1, 2, 3]
-    assert [np.count_nonzero(m & tb.Reason.POSITION) for m in masks.values()] == [r["position"] for r in run.frames]
-
-
 # tb.pairs
 
 

@@ -159,10 +159,21 @@ def test_lesson(name, runs, gpu, opened):
     drive_steps(name, page)
 
 
+def check_typed_addresses(page: Any) -> None:
+    """A page that is open already enters the lecture, and goes to another step of it."""
+    assert page.locator("html.lecture").count() == 0
+    for typed, place in (("#lecture-2", "2 /"), ("#lecture", "1 /")):
+        page.evaluate("hash => { location.hash = hash; }", typed)
+        page.wait_for_function("place => document.getElementById('place').textContent.startsWith(place)", arg=place)
+        page.wait_for_selector("html.lecture .step.now")
+    press(page, "Escape")
+
+
 def test_keyboard_and_screen_reader(runs, gpu, opened):
     """A lesson by keys alone; every control and image has a name, and values are read with their unit."""
     shown = runs.shown(find_demo(QUICK), gpu)
     page = opened(shown.page)
+    check_typed_addresses(page)
 
     def tab_to(selector: str) -> None:
         for _ in range(12):
@@ -228,16 +239,6 @@ def test_the_lecture_goes_on_with_the_next_demo(runs, gpu, opened, tmp_path):
     assert now(page) == "idea"
     press(page, "ArrowLeft")
     page.wait_for_url(re.compile(first.stem))
-
-
-def test_the_lecture_opens_at_an_address_that_is_typed(runs, gpu, opened):
-    """A page that is open already enters the lecture, and goes to another step of it."""
-    page = opened(runs.shown(find_demo("rotations"), gpu).page)
-    assert page.locator("html.lecture").count() == 0
-    for typed, place in (("#lecture-2", "2 /"), ("#lecture", "1 /")):
-        page.evaluate("hash => { location.hash = hash; }", typed)
-        page.wait_for_function("place => document.getElementById('place').textContent.startsWith(place)", arg=place)
-        page.wait_for_selector("html.lecture .step.now")
 
 
 def test_without_scripts_everything_is_shown(runs, gpu, browser):

@@ -22,7 +22,7 @@ def test_demo_scene_is_small_and_licensed() -> None:
 
 
 def test_demo_scene_has_every_feature() -> None:
-    run = evaluate_scene(DEMO, fixed_settings(width=64, height=36, shadow_size=64, indirect="none"))
+    run = evaluate_scene(DEMO, fixed_settings(width=64, height=36, shadow_size=64, indirect="none", pairs="every:4"))
     census = run.summary["census"]
     assert census["armatures"] == 1 and census["bones"] == 6 and census["morphs"] == 1
     assert census["dynamic_rigid_objects"] >= 6 and census["static_rigid_objects"] >= 6

@@ -26,14 +26,6 @@ def gray(*values: float) -> np.ndarray:
     return np.array(values)[:, None] * np.ones(3)
 
 
-def test_dielectrics() -> None:
-    """With a specular color of 0.04 the diffuse color is the base color; with 0 it is 1 / 0.96 of it."""
-    diffuse = np.array([[0.2, 0.5, 0.9], [0.1, 0.1, 0.1], [0.48, 0.24, 0.96]])
-    base, metallic = metallic_roughness(diffuse, np.array([[0.04] * 3, [0.04] * 3, [0.0] * 3]))
-    np.testing.assert_allclose(metallic, 0, atol=1e-12)
-    np.testing.assert_allclose(base, [*diffuse[:2], [0.5, 0.25, 1.0]], atol=1e-12)
-
-
 @pytest.mark.parametrize("metal", [0.0, 0.1, 0.5, 0.9, 1.0])
 def test_inverse_of_metallic_roughness(metal: float) -> None:
     """s = 0.04 (1 - m) + b m and d = b (1 - m) 0.96 / (1 - s), for grays b, give b and m again."""
