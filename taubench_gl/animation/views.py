@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -291,11 +291,7 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
     sphere can be larger than necessary; skinned and morphed meshes contribute their posed vertices.  Points that are
     not finite are ignored.  Nothing visible: a unit sphere at the origin; a single point: radius 1 around it.
     """
-    scene, clouds, boxes = poser.scene, [], {}
-    for t in times:
-        state = poser.sample(t)
-        clouds += [_drawn_points(scene, state, node, boxes) for node in scene.mesh_nodes if state.visible[node]]
-    points = np.concatenate(clouds) if clouds else np.zeros((0, 3))
+    points = np.concatenate([np.zeros((0, 3)), *_drawn_clouds(poser, times)])
     points = points[np.all(np.isfinite(points), axis=-1)]
     if not len(points):
         return np.zeros(3), 1.0
@@ -306,14 +302,24 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
 
 def bounding_box(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, Array]:
     """Low and high corner, world, (3,) each, of everything drawn at ``times``; a unit box where nothing is drawn."""
-    low, high, boxes = np.full(3, np.inf), np.full(3, -np.inf), {}
-    for t in times:
-        state = poser.sample(float(t))
-        for node in poser.scene.mesh_nodes[state.visible[poser.scene.mesh_nodes]].tolist():
-            points = _drawn_points(poser.scene, state, node, boxes)
-            if len(points):
-                low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for points in _drawn_clouds(poser, times):
+        if len(points):
+            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     return (low, high) if np.all(np.isfinite(low)) else (np.full(3, -0.5), np.full(3, 0.5))
+
+
+def _drawn_clouds(poser: Poser, times: Sequence[float] | Array) -> Iterator[Array]:
+    """``_drawn_points`` of every node that is drawn at one of ``times``; of those that nothing moves, once."""
+    scene, boxes = poser.scene, {}
+    nodes = scene.mesh_nodes
+    morphed = [any(p.targets for p in scene.primitives(node)) for node in nodes.tolist()]
+    changes = moved_nodes(scene, scene.channels)[nodes] | (scene.nodes.skin[nodes] >= 0) | np.array(morphed, dtype=bool)
+    for number, t in enumerate(times):
+        state = poser.sample(float(t))
+        at = nodes[changes] if number else nodes
+        for node in at[state.visible[at]].tolist():
+            yield _drawn_points(scene, state, node, boxes)
 
 
 def _drawn_points(scene: Scene, state: FrameState, node: int, boxes: dict[int, Array]) -> Array:

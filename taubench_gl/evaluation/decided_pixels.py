@@ -171,22 +171,38 @@ class DecidedPixels:
             if bounce in self.columns and lobe in lobes
         }  # place among the traced lobes -> column, distance
         self._pair: PreviewPair | None = None
-        self._fresh = True
+        self._fresh: set[RasterSource] = set()  # whose frame has no light yet
 
     def draw(self, pair: PreviewPair) -> None:
-        """Draw the frames of ``pair``, whose pixels ``decide`` decides from now on."""
-        self._pair, self._fresh = pair, True
-        self._sources[0].draw_history(pair.frame)
-        self._sources[1].draw(pair.frame)
+        """Draw the frames of ``pair``, whose pixels ``decide`` decides from now on.
+
+        The first one is not drawn again where it is the second one of the pair drawn before.
+        """
+        history, current = self._sources
+        if self._pair is not None and self._pair.frame == pair.frame - 1 and current.eye is None:
+            history, current = self._sources = current, history
+        else:
+            history.draw_history(pair.frame)
+            self._fresh.add(history)
+        current.draw(pair.frame)
+        self._fresh.add(current)
+        self._pair = pair
 
     def decide(
-        self, at: Array, limit: int, audit: Array, *, halves: bool = False, pair: PreviewPair | None = None
+        self,
+        at: Array,
+        limit: int,
+        audit: Array,
+        *,
+        halves: bool = False,
+        pair: PreviewPair | None = None,
+        known: dict[tuple[int, ...], Array] | None = None,
     ) -> Decisions:
         """Decide the pixels ``at`` (n, 2), column and row from the top, of ``PreviewPair.traced``; n can be 0.
 
         ``limit``: samples per pixel at most; ``audit`` (n,): random numbers in [0, 1) that choose what is audited;
         ``halves``: whether words and distances of halves of the samples are wanted; ``pair``: the same frames by
-        another reprojection.
+        another reprojection; ``known``: light of the current frame, as of ``_trace``, for calls with other histories.
         """
         listed, count, had = self._listed(pair or self._pair, at), len(at), 0
         names = (*self.columns, *(name for _, name in self._lobes.values()))
@@ -199,7 +215,7 @@ class DecidedPixels:
         # samples, and ``light`` has their mean by parts, row by row.  All other pixels have their final masks.
         while len(active):
             # As many new samples as there were, so that the mean of both is that of all.
-            new = self._trace(listed.at[active], listed.taps[active], range(had, 2 * had or LEAST))
+            new = self._trace(listed.at[active], listed.taps[active], range(had, 2 * had or LEAST), known)
             light = 0.5 * (light + new) if had else new
             had = 2 * had or LEAST
             compared = listed.take(active)
@@ -247,21 +263,30 @@ class DecidedPixels:
         )
         return _Listed(at, taps, weights, pair.words[rows], surface, both(pair.emission), both(pair.color))
 
-    def _trace(self, at: Array, taps: Array, samples: range) -> Array:
+    def _trace(self, at: Array, taps: Array, samples: range, known: dict[tuple[int, ...], Array] | None) -> Array:
         """Trace ``samples`` of the pixels ``at`` (m, 2) and of the taps of their history, with equal numbers in both.
 
-        Radiance by parts: (m, PARTS, 1 + taps, lobes, 3) float64.
+        ``known``: light of the pixels in the current frame, by first sample, column and row, to which what is new is
+        added; None: all is new.  Radiance by parts: (m, PARTS, 1 + taps, lobes, 3) float64.
         """
-        frame, history = self._pair.frame, taps.shape[1]
-        keys = np.repeat(at, history, axis=0)
-        drawn, self._fresh = self._fresh, False
-        before, now = (
-            source.listed_light(frame, pixels, of, samples, drawn=drawn, parts=True)
-            for source, pixels, of in zip(self._sources, (taps.reshape(-1, 2), at), (keys, at), strict=True)
-        )
-        every = np.concatenate([now[:, None], before.reshape(len(at), history, *before.shape[1:])], axis=1)
-        parts = every.reshape(*every.shape[:2], PARTS, -1, *every.shape[3:]).astype(np.float64).mean(axis=3)
-        return parts.swapaxes(1, 2)
+        history, current = self._sources
+        keys, known = np.repeat(at, taps.shape[1], axis=0), {} if known is None else known
+        pixels = [(samples.start, *pixel) for pixel in at.tolist()]
+        new = [place for place, pixel in enumerate(pixels) if pixel not in known]
+        if new:
+            traced = self._parts(current, at[new], at[new], samples)
+            known.update(zip((pixels[place] for place in new), traced, strict=True))
+        before = self._parts(history, taps.reshape(-1, 2), keys, samples)
+        now = np.stack([known[pixel] for pixel in pixels])
+        every = np.concatenate([now[:, None], before.reshape(*taps.shape[:2], *before.shape[1:])], axis=1)
+        return every.swapaxes(1, 2)
+
+    def _parts(self, source: RasterSource, pixels: Array, keys: Array, samples: range) -> Array:
+        """Radiance of ``pixels`` by parts, with the sample numbers of ``keys``: (n, PARTS, lobes, 3) float64."""
+        fresh = source in self._fresh
+        self._fresh.discard(source)
+        light = source.listed_light(self._pair.frame, pixels, keys, samples, drawn=fresh, parts=True)
+        return light.reshape(len(pixels), PARTS, -1, *light.shape[2:]).astype(np.float64).mean(axis=2)
 
     def _changes(self, listed: _Listed, light: Array) -> dict[str, Array]:
         """Column -> its value now less that in the history, (m, ..., 3), of radiance (m, ..., 1 + taps, lobes, 3)."""

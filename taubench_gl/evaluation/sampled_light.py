@@ -139,11 +139,13 @@ class _Histories:
         previews: Previews,
     ):  # fmt: skip
         self._previews, self._decided = previews, DecidedPixels(variant, settings, columns, lobes)
+        self._known: dict[tuple[int, ...], np.ndarray] = {}  # light of the drawn frame
 
     def draw(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
         """The pair of ``frame``, whose pixels ``decide`` decides from now on; and by the other reprojection."""
         pair, other = self._previews.draw(frame)
         self._decided.draw(pair)
+        self._known = {}
         return pair, other
 
     def decide(self, at: np.ndarray, audit: np.ndarray, pair: PreviewPair | None = None) -> Decisions:
@@ -151,7 +153,7 @@ class _Histories:
 
         ``audit`` (n,): random numbers of ``DecidedPixels``.
         """
-        return self._decided.decide(at, ROUND_SIZES.limit, audit, halves=True, pair=pair)
+        return self._decided.decide(at, ROUND_SIZES.limit, audit, halves=True, pair=pair, known=self._known)
 
 
 class LightVisits:
@@ -272,7 +274,9 @@ class SampledLight:
         if not self.done:
             watch("path-traced light at random pixels")
         while not self.done:
-            self.add_round([visit(*v) for v in self.next_round()])
+            wanted = self.next_round()
+            found = {v: visit(*v) for v in sorted(wanted)}  # pairs that follow one another share a frame
+            self.add_round([found[v] for v in wanted])
             spent = time.monotonic() - started
             watch(self.state + ("" if self.done else f"; about {spent * self.share_left:.0f} s left"))
             if limit is not None and spent >= limit:

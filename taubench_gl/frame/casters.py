@@ -7,27 +7,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taubench_gl.frame.occlusion import Rect, Shown
 from taubench_gl.frame.shadow_faces import FaceTable
 
 Array = np.ndarray
-Rect = tuple[int, int, int, int]
-"""A rectangle of a face: x, y, width and height in texels."""
 
 
 class Casters:
     """World bounds of every draw, and a version number that grows when a draw moves, bends, appears or vanishes."""
 
     def __init__(self, count: int):
-        self.centers, self.radii = np.zeros((count, 3)), np.zeros(count)
+        self.centers, self.halves = np.zeros((count, 3)), np.zeros((count, 3))
         self.versions = np.zeros(count, dtype=np.int64)
         self.visible = np.zeros(count, dtype=bool)
         self._poses: list[bytes] = [b""] * count
 
-    def update(self, bounds: tuple[Array, Array], poses: list[bytes], visible: Array) -> None:
-        """Take the state of a frame.  ``bounds``: centers (D, 3) and radii (D,), world; ``poses``: equal bytes for
+    def update(self, boxes: tuple[Array, Array], poses: list[bytes], visible: Array) -> None:
+        """Take the state of a frame.  ``boxes``: centers and half extents (D, 3), world; ``poses``: equal bytes for
         equal pose, per draw; ``visible``: (D,) bool.
         """
-        self.centers, self.radii = bounds
+        self.centers, self.halves = boxes
         for i, pose in enumerate(poses):
             if pose != self._poses[i]:
                 self._poses[i] = pose
@@ -44,77 +43,69 @@ class Casters:
         """Bytes that stay equal exactly while no draw moves, bends, appears or vanishes."""
         return self.visible.tobytes() + self.versions[self.visible].tobytes()
 
-    def seen_by(self, faces: FaceTable) -> list[Array]:
-        """Draws that can be seen in each face."""
-        return [np.flatnonzero(seen) for seen in self.visible & faces.sees(self.centers, self.radii)]
+    def shown_by(self, faces: FaceTable) -> list[Shown]:
+        """What may be in each face: draws, ascending, that cover the middle of a texel."""
+        owner, draws = np.nonzero(self.visible & faces.sees(self.centers, self.halves))
+        every = faces.shown(owner, draws, self.centers[draws], self.halves[draws])
+        covers = np.all(every.high > every.low, axis=1)
+        ends = np.searchsorted(owner[covers], np.arange(1, len(faces.near) + 1)).tolist()
+        every = every.chosen(covers)
+        return [every.chosen(slice(start, end)) for start, end in zip([0, *ends], ends)]
 
 
 @dataclass(frozen=True, slots=True)
-class _Cached:
-    """What a face of the atlas was drawn from."""
+class StaleFace:
+    """A face that is out of date."""
 
-    face: bytes  # where it looks
-    draws: Array  # (K,) that the map shows
-    versions: Array  # (K,)
-    low: Array  # (K, 2) texels each may cover
-    high: Array  # (K, 2)
+    number: int
+    rect: Rect  # what may differ
+    shown: Shown  # what may be in it
 
 
 class ShadowMapCache:
     """Remembers what every face was drawn from, and finds the dirty rectangle of each.
 
-    A texel shows the nearest of the draws whose spheres cover it, so texels change only where a draw that moved was
+    A texel shows the nearest of the draws whose boxes cover it, so texels change only where a draw that moved was
     before or is now; everything else in that rectangle is drawn again with it.
     """
 
     def __init__(self, count: int):
-        self._cached: list[_Cached | None] = [None] * count
+        # Where each face looks, what it shows, and versions of that.
+        self._cached: list[tuple[bytes, Shown, Array] | None] = [None] * count
 
-    def update(self, rows: Array, faces: FaceTable, casters: Casters) -> list[tuple[int, Rect, Array]]:
-        """Faces among numbers ``rows`` (F,) that are out of date: number, dirty rectangle and draws to draw there.
-
-        Their maps count as drawn after this call.
-        """
-        seen = casters.seen_by(faces)
-        ends = np.cumsum([len(draws) for draws in seen])
-        of_face, draws = np.repeat(np.arange(len(seen)), [len(draws) for draws in seen]), np.concatenate(seen)
-        versions = casters.versions[draws]
-        low, high = faces.cover(of_face, casters.centers[draws], casters.radii[draws])
+    def update(self, rows: Array, faces: FaceTable, casters: Casters) -> list[StaleFace]:
+        """Faces among numbers ``rows`` (F,) that are out of date.  Their maps count as drawn after this call."""
         stale = []
-        for k, (row, key, end) in enumerate(zip(rows.tolist(), faces.keys(), ends.tolist(), strict=True)):
-            part = slice(end - len(seen[k]), end)
-            now, before = _Cached(key, seen[k], versions[part], low[part], high[part]), self._cached[row]
-            self._cached[row] = now
-            if before is None or before.face != key:
-                side = int(faces.resolution[k])
-                stale.append((row, (0, 0, side, side), seen[k]))
-            elif (dirty := _dirty(now, before)) is not None:
-                stale.append((row, *dirty))
+        shown = casters.shown_by(faces)
+        for row, key, side, now in zip(rows.tolist(), faces.keys(), faces.resolution.tolist(), shown, strict=True):
+            before, versions = self._cached[row], casters.versions[now.draws]
+            self._cached[row] = key, now, versions
+            if before is None or before[0] != key:
+                stale.append(StaleFace(row, (0, 0, side, side), now))
+            elif (dirty := _dirty(now, versions, *before[1:])) is not None:
+                stale.append(StaleFace(row, *dirty))
         return stale
 
 
-def _dirty(now: _Cached, before: _Cached) -> tuple[Rect, Array] | None:
-    """The rectangle where one view of two moments may differ, and the draws there; None where it does not."""
-    moved = _differ(now, before), _differ(before, now)
-    if not (moved[0].any() or moved[1].any()):
+def _dirty(now: Shown, versions: Array, before: Shown, versions_before: Array) -> tuple[Rect, Shown] | None:
+    """The rectangle where one view of two moments may differ, and what is there; None where it does not."""
+    came = _differ(now.draws, versions, before.draws, versions_before)
+    gone = _differ(before.draws, versions_before, now.draws, versions)
+    if not (came.any() or gone.any()):
         return None
-    low = np.concatenate([now.low[moved[0]], before.low[moved[1]]])
-    high = np.concatenate([now.high[moved[0]], before.high[moved[1]]])
-    full = np.all(high > low, axis=1)
-    if not full.any():
-        return None
-    corner, end = low[full].min(axis=0), high[full].max(axis=0)
+    corner = np.concatenate([now.low[came], before.low[gone]]).min(axis=0)
+    end = np.concatenate([now.high[came], before.high[gone]]).max(axis=0)
     there = np.all((now.low < end) & (now.high > corner), axis=1)
-    return (*corner.tolist(), *(end - corner).tolist()), now.draws[there]
+    return (*corner.tolist(), *(end - corner).tolist()), now.chosen(there)
 
 
-def _differ(a: _Cached, b: _Cached) -> Array:
-    """Which draws of a are not in b, or have another version there.  (K,) bool."""
-    if np.array_equal(a.draws, b.draws):
-        return a.versions != b.versions
-    place = np.searchsorted(b.draws, a.draws)
-    inside = place < len(b.draws)
-    same = np.zeros(len(a.draws), dtype=bool)
+def _differ(a: Array, a_versions: Array, b: Array, b_versions: Array) -> Array:
+    """Which draws of a (K,) are not in b (L,), or have another version there.  (K,) bool."""
+    if np.array_equal(a, b):
+        return a_versions != b_versions
+    place = np.searchsorted(b, a)
+    inside = place < len(b)
+    same = np.zeros(len(a), dtype=bool)
     at = place[inside]
-    same[inside] = (b.draws[at] == a.draws[inside]) & (b.versions[at] == a.versions[inside])
+    same[inside] = (b[at] == a[inside]) & (b_versions[at] == a_versions[inside])
     return ~same

@@ -13,6 +13,9 @@ from taubench_gl.scene.model import Primitive, Scene
 
 Array = np.ndarray
 
+LARGEST = 1e30
+"""Half extent of a box around what has no bounds."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Skinned:
@@ -36,12 +39,15 @@ class DrawBounds:
         self._scene, self._draws = scene, draws
         self._posed = [i for i, d in enumerate(draws) if d.posed]
         primitives = [scene.meshes[d.mesh].primitives[d.primitive] for d in draws]
-        spheres: dict[int, tuple[Array, float]] = {}  # key: identity of the vertices, which primitives can share
+        found: dict[int, tuple[Array, float, Array]] = {}  # key: identity of the vertices, which primitives can share
         for primitive in primitives:
-            if id(primitive.positions) not in spheres:
-                spheres[id(primitive.positions)] = bounding_sphere_of(primitive.positions)
-        self._centers = np.array([spheres[id(p.positions)][0] for p in primitives]).reshape(-1, 3)
-        self._radii = np.array([spheres[id(p.positions)][1] for p in primitives]).reshape(-1)
+            if id(points := primitive.positions) not in found:
+                low, high = bounds(points)
+                found[id(points)] = *bounding_sphere_of(points), 0.5 * np.subtract(high, low, dtype=np.float64)
+        rows = [found[id(p.positions)] for p in primitives]
+        self._centers = np.array([center for center, _, _ in rows]).reshape(-1, 3)
+        self._radii = np.array([radius for _, radius, _ in rows]).reshape(-1)
+        self._halves = np.array([half for _, _, half in rows]).reshape(-1, 3)
         self._reach = {i: _morph_reach(primitives[i]) for i in self._posed if primitives[i].targets}
         jointed = [i for i in self._posed if scene.nodes.skin[draws[i].node] >= 0 and primitives[i].joints is not None]
         self._rigid = sorted(set(self._posed) - set(jointed))  # draws that only morph
@@ -63,6 +69,17 @@ class DrawBounds:
             centers[s.draws] = 0.5 * (low + high)
             radii[s.draws] = [0.5 * np.linalg.norm(extent) for extent in high - low]
         return centers, radii
+
+    def boxes(self, state: FrameState, world: Array) -> tuple[Array, Array]:
+        """Centers and half extents (D, 3) of world boxes around the draws; arguments of ``at``."""
+        centers, radii = self.at(state, world)
+        return centers, self.halves(world, radii)
+
+    def halves(self, world: Array, radii: Array) -> Array:
+        """Half extents (D, 3) of world boxes around draws in spheres of ``radii`` (D,); finite."""
+        turned = np.einsum("dij,dj->di", np.abs(world[:, :3, :3]), self._halves)
+        turned[self._posed] = LARGEST
+        return np.minimum(turned, np.minimum(radii, LARGEST)[:, None])
 
     def of_fixed(self, world: Array) -> tuple[Array, Array]:
         """Centers (D, 3) and radii (D,), world, of fixed draws; posed draws get infinite radii."""
@@ -97,18 +114,25 @@ def in_view(clip_from_relative: Array, centers: Array, radii: Array, offsets: Ar
     """Which spheres may reach into the view volume, (D,) bool; spheres that are not finite are always in.
 
     ``centers`` (D, 3), ``radii`` (D,) and ``clip_from_relative`` (4, 4) relative to the camera; ``offsets`` (D,): how
-    far the origins of the draws are from it.  The slack covers what float32 makes of vertices on the GPU: its rounding
-    grows with the largest of the terms that are added up; that of a plane is no larger than the distance of a sphere
-    which touches it.
+    far the origins of the draws are from it.  The rounding of a plane is no larger than the distance of a sphere which
+    touches it.
     """
     x, y, z, w = clip_from_relative
     planes = np.stack([w + x, w - x, w + y, w - y, w - z, z])  # reversed Z in [0, 1]
     steepness = np.linalg.norm(planes[:, :3], axis=1)
-    slack = 1e-4 * (np.linalg.norm(centers, axis=1) + radii) + 1e-5 * offsets
+    slack = rounding(centers, radii, offsets)
     depth = centers @ planes[:, :3].T + planes[:, 3]
     with np.errstate(invalid="ignore"):
         reach = (radii + slack)[:, None] * steepness
         return ~(depth < -reach).any(axis=1)
+
+
+def rounding(centers: Array, radii: Array, offsets: Array) -> Array:
+    """By how much float32 on the GPU may displace vertices of draws, (D,) meters; arguments of ``in_view``.
+
+    It grows with the largest of the terms that are added up.
+    """
+    return 1e-4 * (np.linalg.norm(centers, axis=1) + radii) + 1e-5 * offsets
 
 
 def bounding_sphere_of(points: Array) -> tuple[Array, float]:

@@ -89,8 +89,8 @@ class LightStage(Owner):
         if self._casters is not None:
             with timer.measure("shadows"):
                 world = frame.placement.world
-                bounds, poses = self._bounds.at(frame.state, world), self._bounds.poses(frame.state, world)
-                self._casters.update(bounds, poses, frame.placement.visible)
+                boxes, poses = self._bounds.boxes(frame.state, world), self._bounds.poses(frame.state, world)
+                self._casters.update(boxes, poses, frame.placement.visible)
                 frame.casters = self._casters
                 if self.shadow is not None:
                     self.shadow.run(frame)

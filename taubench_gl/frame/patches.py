@@ -7,18 +7,19 @@ with their triangles.  Each has two sides, and each side becomes a virtual point
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
 from taubench_gl.animation import FrameState, Poser, View, pose_vertices
 from taubench_gl.effects.lighting import Sun
 from taubench_gl.frame.geometry import Draw, instance_numbers
-from taubench_gl.frame.materials import texels_at, transformed_uv
+from taubench_gl.frame.materials import decoded_images, texels_at, transformed_uv
 from taubench_gl.frame.records import Placement, RecordTable
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.color import srgb_decode
-from taubench_gl.scene.model import Camera, Material, MorphTarget, Primitive, Scene, Texture
+from taubench_gl.scene.model import Camera, Material, MorphTarget, Primitive, Texture
 
 Array = np.ndarray
 
@@ -64,15 +65,13 @@ class Patches:
 
     def __init__(self, poser: Poser, draws: tuple[Draw, ...], lamps: list[Lamp], count: int):
         """``lamps``: the lights that patches are for, at some times of the animation."""
-        scene = self._scene = poser.scene
+        self._scene = poser.scene
         self._draws, self.count = draws, count
         self._copies = instance_numbers(draws)
         state, nowhere = poser.sample(0.0), View(np.zeros(3), np.eye(3), Camera())
         rest = state, RecordTable(draws).place(state, nowhere, np.zeros(len(draws), dtype=bool))
         points, total = self._candidates(*rest, CANDIDATES * count)
-        albedo = np.zeros((len(points.draw), 4))
-        for d, of in _runs(points.draw):
-            albedo[of] = albedos(scene, self._primitive(d), draws[d].material, points.corners[of], points.weights[of])
+        albedo = self._albedos(points)
         self._posed = self._subsets(points)
         place, normal, _ = self._at(points, *rest)
         share = total / max(len(points.draw), 1)
@@ -98,6 +97,24 @@ class Patches:
         rows["position"][:, 3] = np.where(placement.visible[self._points.draw], area * self._share, 0.0)
         rows["normal"][:, :3], rows["albedo"][:, :3] = normal, self._albedo
         return out
+
+    def _albedos(self, points: _Points) -> Array:
+        """``albedos`` of all points, (K, 4); every image is decoded once."""
+        out = np.zeros((len(points.draw), 4))
+        runs: dict[int, list[tuple[int, slice]]] = {-1: []}  # by image, -1: none
+        for d, of in _runs(points.draw):
+            texture, primitive = self._material(d).base_color_texture, self._primitive(d)
+            untextured = texture is None or primitive.texcoords[texture.texcoord] is None
+            runs.setdefault(-1 if untextured else texture.image, []).append((d, of))
+        for image, pixels in chain([(-1, None)], decoded_images(self._scene, [i for i in runs if i >= 0])):
+            for d, of in runs[image]:
+                place = points.corners[of], points.weights[of]
+                out[of] = albedos(self._primitive(d), self._material(d), *place, pixels)
+        return out
+
+    def _material(self, draw: int) -> Material:
+        material = self._draws[draw].material
+        return self._scene.materials[material] if material >= 0 else Material()
 
     def _primitive(self, draw: int) -> Primitive:
         d = self._draws[draw]
@@ -198,17 +215,17 @@ def received(place: Array, normal: Array, area: float, lamps: list[Lamp]) -> Arr
     return out
 
 
-def albedos(scene: Scene, primitive: Primitive, material: int, corners: Array, weights: Array) -> Array:
+def albedos(primitive: Primitive, m: Material, corners: Array, weights: Array, pixels: Array | None) -> Array:
     """Diffuse albedo, linear, and 1 where the surface is drawn, 0 where its alpha mask cuts it.  -> (K, 4).
 
-    ``corners`` (K, 3): vertices; ``weights`` (K, 3).  The texture is read at the nearest texel.
+    ``corners`` (K, 3): vertices; ``weights`` (K, 3); ``pixels``: of the base color's texture (None: it has none), read
+    at the nearest texel.
     """
-    m = scene.materials[material] if material >= 0 else Material()
     rgba = np.tile(np.asarray(m.base_color, dtype=np.float64), (len(corners), 1))
-    uv = None if m.base_color_texture is None else primitive.texcoords[m.base_color_texture.texcoord]
-    if uv is not None:
+    if pixels is not None:
+        uv = primitive.texcoords[m.base_color_texture.texcoord]
         at = np.einsum("kc,kci->ki", weights, uv[corners].astype(np.float64))
-        rgba *= _texels(scene, m.base_color_texture, at)
+        rgba *= _texels(pixels, m.base_color_texture, at)
     if primitive.colors is not None:
         rgba *= np.einsum("kc,kci->ki", weights, primitive.colors[corners].astype(np.float64))
     cutoff = {"MASK": m.alpha_cutoff, "BLEND": 0.5}.get(m.alpha_mode, 0.0)
@@ -217,9 +234,8 @@ def albedos(scene: Scene, primitive: Primitive, material: int, corners: Array, w
     return np.concatenate([diffuse[:, :3], drawn[:, None]], axis=1)
 
 
-def _texels(scene: Scene, texture: Texture, uv: Array) -> Array:
+def _texels(pixels: Array, texture: Texture, uv: Array) -> Array:
     """(K, 4) linear color and alpha."""
-    pixels = scene.images[texture.image].decode()
     column, row = texels_at(texture, transformed_uv(texture, uv), pixels.shape[1::-1])
     found = pixels[row, column] / 255.0
     return np.concatenate([srgb_decode(found[:, :3]), found[:, 3:]], axis=1)

@@ -66,7 +66,7 @@ class Renderer(Owner):
         self.materials = self.own(materials)
         colored = frozenset(p.material for m in scene.meshes for p in m.primitives if p.colors is not None)
         declaration = channel_pass("gbuffer", drawn, at_centers=Tuning(gpu.software).snapped_corners)
-        self._gbuffer = self.own(GBufferPass(context, declaration, colored))
+        self._gbuffer = self.own(GBufferPass(context, declaration, colored, self.bounds))
         self.history = self.own(self.new_history())
         self.frame: FrameContext | None = None
         """The frame that ``draw`` drew last; None before the first."""

@@ -103,11 +103,14 @@ class SceneBuffers:
         self._subsets: dict[bytes, tuple[Array, list[tuple[Group, int, int]]]] = {}  # of this arrangement
         self.groups: list[Group] = []
         self.seen_groups: list[Group] = []
+        self.seen = np.zeros(0, dtype=bool)  # (D,) what ``show`` got
+        self.alone = np.zeros(0, dtype=bool)  # (D,) which draws are all of their command
         self.shown: Array | None = None  # (commands,) bool: which the camera may see
         self.shown_triangles = 0  # of those commands, every instance counted
         self._table = np.array(
             [(d.index_count, 1, d.first_index, d.base_vertex, 0) for d in self._draws], dtype=COMMAND
         ).reshape(-1)
+        self.triangles = triangles_of(self._table)  # (D,)
 
     def arrange(self, placement: Placement, materials: MaterialTable, *, culling: bool) -> None:
         """Sort visible draws, without those that repeat others, by state into groups and upload their commands."""
@@ -143,10 +146,13 @@ class SceneBuffers:
         self.order = np.array(visible, dtype=np.int64)
         self._command_of = np.cumsum(np.isin(np.arange(len(visible)), keep)) - 1
         self._whole = commands[keep]
+        self.alone = np.zeros(len(self._draws), dtype=bool)
+        self.alone[self.order] = self._whole["instances"][self._command_of] == 1
         self.shown = None
 
     def show(self, seen: Array) -> None:
         """Make the commands and ``seen_groups`` draw only what is in ``seen`` (D,) bool, in their order."""
+        self.seen = seen
         shown = np.zeros(len(self._whole), dtype=bool)
         shown[self._command_of[seen[self.order]]] = True
         if self.shown is not None and np.array_equal(shown, self.shown):

@@ -13,6 +13,7 @@ import numpy as np
 
 from taubench_gl.animation import FrameState
 from taubench_gl.effects.lighting import Sun
+from taubench_gl.frame.occlusion import Shown, corners_of
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.math3d import cross, normalize
 from taubench_gl.scene.model import Light, Scene
@@ -42,9 +43,6 @@ _CUBE = tuple((cross(f, u), u, f) for f, u in zip(_FORWARD, _UP, strict=True))
 
 NEAR_FRACTION = 1e-4
 """Near plane of a point or spot light's map, as a fraction of the scene's radius; nothing nearer casts a shadow."""
-
-COVER_MARGIN = 2.0
-"""Texels around the projection of a sphere that count as covered: float32 rounding of vertices on the GPU."""
 
 CONE_MARGIN = 1.02
 """A spot's map is this much wider than its cone, so that filter taps at its edge still see casters."""
@@ -118,32 +116,29 @@ class FaceTable:
         rows["forward"][:, :3], rows["forward"][:, 3] = self.axes[:, 2], self.near
         rows["extent"][:, 0], rows["extent"][:, 1] = self.resolution, 2.0 * self.half / self.resolution
 
-    def sees(self, centers: Array, radii: Array) -> Array:
-        """Which spheres (K, 3) world, (K,) can cast into each map.  (F, K) bool, conservative."""
-        at = np.einsum("fkj,fij->ifk", centers - self.origin[:, None], self.axes)
-        half, parallel = self.half[:, None], self.parallel[:, None]
-        slack = radii * np.where(parallel, 1.0, np.hypot(1.0, half))  # of a slanted side plane, along the axis
-        reach = np.where(parallel, half, at[2] * half) + slack
-        ahead = parallel | (at[2] + radii > 0)
-        return ahead & (np.abs(at[0]) <= reach) & (np.abs(at[1]) <= reach)
+    def sees(self, centers: Array, halves: Array) -> Array:
+        """Which boxes can cast into each map.  (F, K) bool, conservative.
 
-    def cover(self, rows: Array, centers: Array, radii: Array) -> tuple[Array, Array]:
-        """Texels that spheres (P, 3) world, (P,) may cover in the maps of faces ``rows`` (P,).
-
-        First and end (P, 2) int64 of a rectangle, conservative, cut at the map.
+        ``centers``, ``halves`` (K, 3): middles and half extents along the world's axes.
         """
-        at = np.einsum("pj,pij->pi", centers - self.origin[rows], self.axes[rows])
-        across, z, radius, parallel = at[:, :2], at[:, 2:], radii[:, None], self.parallel[rows, None]
-        near, far = across - radius, across + radius
-        front, back = z - radius, z + radius
-        ahead = parallel | (front > self.near[rows, None])  # what reaches behind the near plane may be anywhere
-        nearest, farthest = (np.where(ahead & ~parallel, depth, 1.0) for depth in (front, back))
-        near = np.where(ahead, near / np.where(near < 0, nearest, farthest), -np.inf)
-        far = np.where(ahead, far / np.where(far > 0, nearest, farthest), np.inf)
-        texels = self.resolution[rows, None]
-        low, high = ((0.5 + 0.5 * side / self.half[rows, None]) * texels for side in (near, far))
-        low, high = (np.clip(side, 0, texels) for side in (low - COVER_MARGIN, high + COVER_MARGIN))
-        return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
+        at = np.einsum("fkj,fij->ifk", centers - self.origin[:, None], self.axes)
+        size = np.einsum("kj,fij->ifk", halves, np.abs(self.axes))
+        half, parallel = self.half[:, None], self.parallel[:, None]
+        reach = np.where(parallel, half, (at[2] + size[2]) * half)
+        ahead = parallel | (at[2] + size[2] > 0)
+        return ahead & (np.abs(at[0]) <= reach + size[0]) & (np.abs(at[1]) <= reach + size[1])
+
+    def shown(self, rows: Array, draws: Array, centers: Array, halves: Array) -> Shown:
+        """Where ``draws`` (P,) may be seen in the maps of faces ``rows`` (P,).
+
+        ``centers``, ``halves`` (P, 3) as of ``sees``.
+        """
+        at = np.einsum("pcj,pij->pci", corners_of(centers - self.origin[rows], halves), self.axes[rows])
+        at[..., :2] /= self.half[rows, None, None]
+        z, near, parallel = at[..., 2:], self.near[rows, None, None], self.parallel[rows, None, None]
+        depth = np.where(parallel, 1.0 - z / near, near)
+        clip = np.concatenate([at[..., :2], depth, np.where(parallel, 1.0, z)], axis=-1)
+        return Shown.projected(draws, clip, self.resolution[rows, None])
 
 
 def map_sizes(scene: Scene, ranked: list[int], texels: int, limit: int, sun: Sun | None = None) -> dict[int, int]:

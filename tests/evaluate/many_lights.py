@@ -50,15 +50,16 @@ class ManyLights:
 class SampledLights:
     """In the place of a source: each sample is one light, half by power, the same one in both frames of a pixel."""
 
-    listed_lobes = ("direct_diffuse", "indirect_diffuse")
+    listed_lobes, eye = ("direct_diffuse", "indirect_diffuse"), None
 
-    def __init__(self, scene: ManyLights, seed: int, history: bool):
-        self._scene, self._seed, self._history = scene, seed, history
+    def __init__(self, scene: ManyLights, seed: int):
+        self._scene, self._seed = scene, seed
 
     def draw(self, frame: int) -> None:
-        self._radiance = self._scene.radiance(frame - self._history) / self._scene.chance
+        self._radiance = self._scene.radiance(frame) / self._scene.chance
 
-    draw_history = draw
+    def draw_history(self, frame: int) -> None:
+        self.draw(frame - 1)
 
     def listed_light(self, frame, pixels, keys, samples, *, drawn, parts):
         number = np.uint64(keys[:, 1] * SIZE[0] + keys[:, 0])[:, None] * np.uint64(1 << 20) + np.arange(
@@ -76,7 +77,7 @@ class SampledLights:
 
 
 def decided_pixels(scene: ManyLights, seed: int) -> DecidedPixels:
-    sources = iter((SampledLights(scene, seed, True), SampledLights(scene, seed, False)))
+    sources = iter([SampledLights(scene, seed) for _ in range(2)])
     settings = fixed_settings(width=SIZE[0], height=SIZE[1], thresholds={"direct": LIMIT}, exposure=1.0, light="auto")
     return DecidedPixels(lambda *_, **__: next(sources), settings, ("direct",))
 

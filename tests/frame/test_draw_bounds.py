@@ -1,4 +1,4 @@
-"""Bounds of draws hold every posed vertex: an object outside its sphere would lose its shadow."""
+"""Bounds of draws hold every posed vertex: an object outside its sphere or box would lose its shadow."""
 
 from __future__ import annotations
 
@@ -29,11 +29,15 @@ def test_every_posed_vertex_is_inside(data, name):
         state = poser.sample(float(t))
         world = state.world[[d.node for d in draws]]
         centers, radii = bounds.at(state, world)
-        for draw, center, radius in zip(draws, centers, radii, strict=True):
+        boxes = bounds.boxes(state, world)
+        assert np.array_equal(boxes[0], centers)
+        for draw, center, radius, half in zip(draws, centers, radii, boxes[1], strict=True):
             primitive = scene.meshes[draw.mesh].primitives[draw.primitive]
             points = pose_vertices(scene, state, draw.node, primitive)
             outside = np.linalg.norm(points - center, axis=1).max() - radius
             assert outside <= 1e-6 * max(radius, 1.0)
+            assert (np.abs(points - center).max(axis=0) <= half + 1e-6 * max(radius, 1.0)).all()
+            assert (half <= radius).all()
 
 
 def test_a_skin_is_bounded_by_the_vertices_of_each_joint(data):

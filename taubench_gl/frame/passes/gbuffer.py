@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taubench_gl.channels import CHANNELS
+from taubench_gl.frame import occlusion
 from taubench_gl.frame.context import FrameContext
+from taubench_gl.frame.draw_bounds import DrawBounds, rounding
 from taubench_gl.frame.materials import MATERIAL, SLOTS, MaterialKey
 from taubench_gl.frame.scene_buffers import Group
 from taubench_gl.frame.spec import FrameSpec
@@ -117,14 +119,14 @@ class GBufferPass(Owner):
     """Draws everything visible, once, into the channels of ``declaration`` (``channel_pass``).
 
     Where triangles are large, a depth pre-pass without alpha-tested surfaces comes first, so that hidden surfaces cost
-    no channels.  It changes no image: of the surfaces at a pixel's least distance the first one drawn is kept, with or
-    without it.
+    no channels; where there are many, llvmpipe leaves out draws that the nearest ones hide.  Neither changes an image:
+    of the surfaces at a pixel's least distance the first one drawn is kept, with or without it.
     """
 
-    def __init__(self, context: GpuContext, declaration: RasterPass, colored: frozenset[int]):
-        """``colored``: materials (-1: default) of primitives with vertex colors."""
+    def __init__(self, context: GpuContext, declaration: RasterPass, colored: frozenset[int], bounds: DrawBounds):
+        """``colored``: materials (-1: default) of primitives with vertex colors; ``bounds``: of the scene's draws."""
         super().__init__()
-        self._gpu, self._colored = context.gpu, colored
+        self._gpu, self._colored, self._bounds = context.gpu, colored, bounds
         self._raster = context.raster(declaration)
         self._channels = tuple(channel for channel, *_ in declaration.outputs)
         # The pre-pass is the same in every scene and depends on the view: it is no part of a scene's resources.
@@ -151,6 +153,8 @@ class GBufferPass(Owner):
             target.use()
             target.clear(depth=0.0)  # infinitely far, reversed Z
             self._draw_depth(frame, buffers.seen_groups)
+        elif self._gpu.software and buffers.shown_triangles >= occlusion.LARGE:
+            self._leave_out_hidden(frame)
         targets.framebuffer.use()
         targets.framebuffer.depth_mask = not prepass  # keep the depth of the pre-pass
         targets.clear()
@@ -167,6 +171,29 @@ class GBufferPass(Owner):
         ctx.disable(ctx.CULL_FACE)
         drawn = (texture for name, texture in targets.textures.items() if CHANNELS[name].attachment)
         hazards.wrote(drawn, drawn=True)
+
+    def _leave_out_hidden(self, frame: FrameContext) -> None:
+        """Make the buffers show only what is not known to be hidden, of posed and instanced draws all."""
+        buffers, size, world = frame.buffers, frame.targets.size, frame.placement.world
+        centers, radii = self._bounds.of_fixed(world)
+        known = buffers.seen & buffers.alone & np.isfinite(radii)
+        draws, relative = np.flatnonzero(known), centers[known] - frame.view.position
+        offsets = np.linalg.norm(frame.placement.relative[known, :3, 3], axis=1)
+        halves = self._bounds.halves(world, radii)[known] + rounding(relative, radii[known], offsets)[:, None]
+        clip_from_relative = frame.view.clip_from_relative(*size)
+        clip = occlusion.corners_of(relative, halves) @ clip_from_relative[:, :3].T + clip_from_relative[:, 3]
+        shown = occlusion.Shown.projected(draws, clip, np.array(size))
+        queue, others = occlusion.NearestFirst(shown, (0, 0, *size), buffers.triangles), buffers.seen & ~known
+        target = self._depth_target(frame)
+        target.use()
+        target.clear(depth=0.0)
+        for _ in range(occlusion.TURNS):
+            buffers.show(np.isin(np.arange(len(known)), queue.take()))
+            self._draw_depth(frame, buffers.seen_groups)
+            depths = target.read(components=1, attachment=-1, dtype="f4")
+            queue.leave_out(np.frombuffer(depths, np.float32).reshape(size[::-1]))
+        others[queue.seen] = True
+        buffers.show(others)
 
     def hidden_backs(self, frame: FrameContext) -> int:
         """Pixels of the frame of the last ``run`` whose surface is seen through a culled back.

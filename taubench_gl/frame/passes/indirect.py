@@ -486,7 +486,7 @@ class IndirectPass(Owner):
             return geometry_variant(key, group.posed, CHANNEL_NAMES, colors), known
 
         self._keep_fixed(frame, [faces[i] for i in lit], lit, variant)
-        moving = [draws[~self._fixed[draws]] for draws in frame.casters.seen_by(table)]
+        moving = [shown.draws for shown in frame.casters.only(~self._fixed).shown_by(table)]
         self._drawer.draw(frame, [(faces[i], self._offsets[i], moving[i]) for i in lit], variant, clear=False)
         # A light that is off has no VPLs: its faces are cleared.
         off, nothing = np.setdiff1d(np.arange(len(faces)), lit), np.zeros(0, dtype=np.int64)
@@ -505,8 +505,8 @@ class IndirectPass(Owner):
             self._anchor.update(frame.placement, frame.buffers.order)
             dirty = self._cache.update(numbers, FaceTable(faces), frame.casters.only(self._fixed))
             of = dict(zip(numbers.tolist(), faces, strict=True))
-            stale, parts = [(of[i], self._offsets[i], seen) for i, _, seen in dirty], [part for _, part, _ in dirty]
-            self._fixed_drawer.draw(frame, stale, variant, anchor=self._anchor, parts=parts)
+            stale = [(of[s.number], self._offsets[s.number], s) for s in dirty]
+            self._fixed_drawer.draw_stale(frame, stale, variant, self._anchor, ordered=True)
             self._gpu.hazards.wrote(self._targets(FIXED), drawn=True)
         for name in ("depth", *CHANNEL_NAMES):
             source, target = (self.tables[prefix + name] for prefix in (FIXED, "rsm_"))

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taubench_gl.animation.pose import moved_nodes
-from taubench_gl.frame.casters import Rect, ShadowMapCache
+from taubench_gl.frame import occlusion
+from taubench_gl.frame.casters import ShadowMapCache, StaleFace
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey
+from taubench_gl.frame.occlusion import Rect
 from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant, reads_material
 from taubench_gl.frame.records import RECORD, Placement, RecordTable
 from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers, triangles_of
@@ -131,8 +133,12 @@ def merged(
     return out
 
 
+PlacedFace = tuple[Face, tuple[int, int], StaleFace]
+"""A face that is out of date, with its place in the atlas."""
+
+
 class FaceDrawer:
-    """Draws lists of (face, atlas offset, seen draws) into one framebuffer."""
+    """Draws faces into one framebuffer."""
 
     def __init__(
         self,
@@ -193,6 +199,44 @@ class FaceDrawer:
         if parts is not None:
             framebuffer.scissor = None
         frame.materials.unbind()
+
+    def draw_stale(
+        self,
+        frame: FrameContext,
+        stale: Sequence[PlacedFace],
+        variant_of: Callable[[Group], Variant],
+        anchor: AnchoredRecords,
+        *,
+        ordered: bool,
+    ) -> None:
+        """``draw`` of faces that are out of date, on llvmpipe without most of what is hidden: the maps are the same.
+
+        ``ordered``: of equal depths the first one drawn counts, in the order of the scene's draws.
+        """
+        triangles = frame.buffers.triangles
+        many = [self._gpu.software and triangles[s.shown.draws].sum() >= occlusion.LARGE for *_, s in stale]
+        plain, large = ([f for f, on in zip(stale, many, strict=True) if on == which] for which in (False, True))
+
+        def draw(faces: list[PlacedFace], draws: list[Array], clear: bool = True) -> None:
+            drawn = [(face, place, some) for (face, place, _), some in zip(faces, draws, strict=True)]
+            self.draw(frame, drawn, variant_of, anchor=anchor, parts=[s.rect for *_, s in faces], clear=clear)
+
+        draw(plain, [s.shown.draws for *_, s in plain])
+        queues = [occlusion.NearestFirst(s.shown, s.rect, triangles) for *_, s in large]
+        for turn in range(occlusion.TURNS):
+            draw(large, [queue.take() for queue in queues], clear=turn == 0)
+            for queue, (_, place, _) in zip(queues, large, strict=True):
+                queue.leave_out(self._depths(place, queue.rect))
+        if ordered:
+            draw(large, [queue.seen for queue in queues])
+        else:
+            draw(large, [queue.rest.draws for queue in queues], clear=False)
+
+    def _depths(self, place: tuple[int, int], rect: Rect) -> Array:
+        """Reversed depth in ``rect`` of the face at ``place``, (h, w) float32, row 0 at the bottom."""
+        viewport = (place[0] + rect[0], place[1] + rect[1], *rect[2:])
+        depths = self._framebuffer.read(viewport=viewport, components=1, attachment=-1, dtype="f4")
+        return np.frombuffer(depths, np.float32).reshape(rect[:1:-1])
 
     def _upload_frames(self, matrices: list[Array], stale: Sequence[tuple[Face, tuple[int, int], Array]]) -> None:
         """Two records per face, for fixed and for posed draws, all written before the first draw.
@@ -282,32 +326,27 @@ class ShadowPass(Owner):
     def _redraw(self, frame: FrameContext, faces: Mapping[int, Face]) -> int:
         """Redraw what is out of date of ``faces``, by number; how many were."""
         rows, table, casters = np.array(list(faces)), FaceTable(list(faces.values())), frame.casters
-        dirty = self._cache.update(rows, table, casters)
-        if dirty:
-            self._anchor.update(frame.placement, frame.buffers.order)
-        if self._fixed_maps is not None:
-            still = self._fixed_cache.update(rows, table, casters.only(self._fixed))
-            self._draw(frame, self._fixed_drawer, faces, still)
-            corners = [self._offsets[i] for i, *_ in dirty]
-            rects = [(x + px, y + py, w, h) for (x, y), (_, (px, py, w, h), _) in zip(corners, dirty, strict=True)]
-            self._gpu.copy_texels(self._fixed_maps, self.atlas, rects)
-            dirty = [(i, part, seen[~self._fixed[seen]]) for i, part, seen in dirty]
-        self._draw(frame, self._drawer, faces, dirty, clear=self._fixed_maps is None)
-        return len(dirty)
 
-    def _draw(
-        self,
-        frame: FrameContext,
-        drawer: FaceDrawer,
-        faces: Mapping[int, Face],
-        dirty: list[tuple[int, Rect, Array]],
-        clear: bool = True,
-    ) -> None:
         @cache
         def variant(group: Group) -> Variant:
             key = frame.materials.keys[group.material + 1]
             return _variant(key, group.posed, group.material in self._spec.colored)
 
-        stale = [(faces[i], self._offsets[i], seen) for i, _, seen in dirty]
-        parts = [part for _, part, _ in dirty]
-        drawer.draw(frame, stale, variant, anchor=self._anchor, parts=parts, clear=clear)
+        def placed(stale: list[StaleFace]) -> list[PlacedFace]:
+            return [(faces[s.number], self._offsets[s.number], s) for s in stale]
+
+        dirty = self._cache.update(rows, table, casters)
+        if dirty:
+            self._anchor.update(frame.placement, frame.buffers.order)
+        if self._fixed_maps is None:
+            self._drawer.draw_stale(frame, placed(dirty), variant, self._anchor, ordered=False)
+            return len(dirty)
+        still = self._fixed_cache.update(rows, table, casters.only(self._fixed))
+        self._fixed_drawer.draw_stale(frame, placed(still), variant, self._anchor, ordered=False)
+        moving = [(face, place, s.shown.draws[~self._fixed[s.shown.draws]]) for face, place, s in placed(dirty)]
+        parts = [s.rect for s in dirty]
+        corners = [place for _, place, _ in moving]
+        rects = [(x + px, y + py, w, h) for (x, y), (px, py, w, h) in zip(corners, parts, strict=True)]
+        self._gpu.copy_texels(self._fixed_maps, self.atlas, rects)
+        self._drawer.draw(frame, moving, variant, anchor=self._anchor, parts=parts, clear=False)
+        return len(dirty)

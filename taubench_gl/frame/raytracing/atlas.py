@@ -18,6 +18,9 @@ Array = np.ndarray
 ATLAS_BYTES = 512 * 1024 * 1024
 """Memory of the atlas.  Where images need more, the largest are halved until they fit."""
 
+BAND = 64
+"""Rows of a smaller image that are averaged at a time: larger parts leave the processor's cache."""
+
 
 @dataclass(frozen=True, slots=True)
 class AtlasPlan:
@@ -84,12 +87,16 @@ def reduced_pixels(pixels: Array, size: tuple[int, int], *, color: bool) -> Arra
     values = np.arange(256, dtype=np.float32) / np.float32(255.0)  # of every byte: a lookup instead of a power
     decoded = srgb_decode(values).astype(np.float32) if color else values
     out = np.empty((*size[::-1], 4), np.uint8)
-    for k in range(4):
-        band = (decoded if k < 3 else values)[pixels[..., k]]
-        band = np.asarray(PIL.Image.fromarray(band).resize(size, PIL.Image.Resampling.BOX))
-        if color and k < 3:
-            band = srgb_encode(np.clip(band, 0.0, 1.0)).astype(np.float32)
-        out[..., k] = np.clip(np.rint(band * 255.0), 0, 255)
+    factor, rest = divmod(len(pixels), size[1])
+    rows = size[1] if rest else BAND  # of whole boxes a few rows at a time
+    for first in range(0, size[1], rows):
+        part, of = out[first : first + rows], pixels if rest else pixels[factor * first : factor * (first + rows)]
+        for k in range(4):
+            band = (decoded if k < 3 else values)[of[..., k]]
+            band = np.asarray(PIL.Image.fromarray(band).resize(part.shape[1::-1], PIL.Image.Resampling.BOX))
+            if color and k < 3:
+                band = srgb_encode(np.clip(band, 0.0, 1.0)).astype(np.float32)
+            part[..., k] = np.clip(np.rint(band * 255.0), 0, 255)
     return out
 
 
