@@ -23,6 +23,10 @@ LARGEST = 1e18
 """Limit on the entries of world transforms, scene units: their squares, used in lighting, fit a float32."""
 
 
+KEPT_BYTES, NODE_BYTES, LIGHT_BYTES = 16 << 20, 160, 400
+"""Memory of the states that a Poser keeps, and about what a state has of each node and of each light."""
+
+
 class Poser:
     """Samples one scene at many times.  Contains only data derived from the scene.
 
@@ -40,6 +44,9 @@ class Poser:
             weights.flags.writeable = False  # shared by all states
         used = scene.mesh_nodes, scene.camera_nodes, scene.light_nodes, scene.joint_nodes
         self._used = np.unique(np.concatenate(used))  # nodes whose transforms something reads
+        self._kept: dict[float, FrameState] = {}
+        state_bytes = NODE_BYTES * len(nodes) + LIGHT_BYTES * len(scene.lights)
+        self._most_kept = max(KEPT_BYTES // max(state_bytes, 1), 4)  # four: of two sources that each draw a pair
 
     @property
     def duration(self) -> float:
@@ -47,7 +54,19 @@ class Poser:
         return self.scene.duration
 
     def sample(self, t: float) -> FrameState:
-        """The scene at ``t`` seconds, a pure function of (scene, fps, t).  Raises SceneError for huge transforms."""
+        """The scene at ``t`` seconds, a pure function of (scene, fps, t).  Raises SceneError for huge transforms.
+
+        The latest states are kept, as sources of one scene ask for the same times: transforms are read-only.
+        """
+        if t not in self._kept:
+            state = self._sampled(t)
+            state.world.flags.writeable = state.visible.flags.writeable = False
+            while len(self._kept) >= self._most_kept:
+                del self._kept[next(iter(self._kept))]
+            self._kept[t] = state
+        return self._kept[t]
+
+    def _sampled(self, t: float) -> FrameState:
         nodes = self.scene.nodes
         values = {
             "translation": np.array(nodes.translation, dtype=np.float64),

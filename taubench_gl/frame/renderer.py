@@ -72,7 +72,6 @@ class Renderer(Owner):
         """The frame that ``draw`` drew last; None before the first."""
         self.marks_absent = False
         """Whether ``ids`` mark surfaces as ABSENT, for a renderer with ``prev_position``."""
-        self._poses: dict[float, FrameState] = {}
         self._views: dict[float, View] = {}
 
     def new_history(self) -> History:
@@ -82,24 +81,15 @@ class Renderer(Owner):
     def view(self, time: float) -> tuple[FrameState, View]:
         """The pose and the camera at ``time`` seconds.
 
-        A pure function of (scene, camera, time).  The last two values are kept by their time, because a frame's
-        previous pose is most often the last frame's.
+        A pure function of (scene, camera, time).  The last two views are kept by their time, because a frame's
+        previous view is most often the last frame's.
         """
-        state = self._pose(time)
+        state = self.poser.sample(time)
         if time not in self._views:
             while len(self._views) > 1:
                 del self._views[next(iter(self._views))]
             self._views[time] = self.camera.view_at(state)
         return state, self._views[time]
-
-    def _pose(self, time: float) -> FrameState:
-        if time not in self._poses:
-            state = self.poser.sample(time)
-            while len(self._poses) > 1:
-                del self._poses[next(iter(self._poses))]
-            state.world.flags.writeable = state.visible.flags.writeable = False
-            self._poses[time] = state
-        return self._poses[time]
 
     def draw(
         self,
@@ -118,11 +108,11 @@ class Renderer(Owner):
         """
         timer, history = self.context.timer, history or self.history
         with timer.measure("pose"):
-            state = self._pose(time)
-            before = self._pose(previous_time) if self._previous else state
+            state = self.poser.sample(time)
+            before = self.poser.sample(previous_time) if self._previous else state
             view, before_view = views or self._own_views(time, previous_time, jitter_px)
             if self.scene.replacements or self.marks_absent:
-                self._table.mark_cuts(state, before if self._previous else self._pose(previous_time))
+                self._table.mark_cuts(state, before if self._previous else self.poser.sample(previous_time))
             if self.marks_absent:
                 self._table.mark_absent(present_nodes(self.scene, before))
         history.advance()

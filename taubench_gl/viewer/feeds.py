@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, FrameState, Poser, View, bounding_sphere
+from taubench_gl.animation import CameraTrack, Poser, View, bounding_sphere
 from taubench_gl.animation.eyes import EyeCamera
 from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
@@ -51,23 +51,6 @@ class Shot:
         return self.frame, self.view.position.tobytes(), self.view.world_from_view.tobytes()
 
 
-class KeptPoses(Poser):
-    """A Poser that keeps the latest four poses, because several sources of one pair ask for the same times."""
-
-    def __init__(self, scene: Scene, fps: float):
-        super().__init__(scene, fps)
-        self._kept: dict[float, FrameState] = {}
-
-    def sample(self, t: float) -> FrameState:
-        if t not in self._kept:
-            state = super().sample(t)
-            state.world.flags.writeable = state.visible.flags.writeable = False
-            while len(self._kept) > 3:
-                del self._kept[next(iter(self._kept))]
-            self._kept[t] = state
-        return self._kept[t]
-
-
 class SceneFeed(GpuOwner):
     """A rasterized Scene.
 
@@ -91,7 +74,7 @@ class SceneFeed(GpuOwner):
         self.scene, self._timer, self.tree = scene, timer, SceneTree.of(scene)
         # One sample at the pixel center: the masks belong to the displayed image.
         history = {"history": "frame"} if settings.metrics.history == "both" else {}
-        poser = poser or KeptPoses(scene, settings.sequence.fps)
+        poser = poser or Poser(scene, settings.sequence.fps)
         opened = plan_scene(scene, settings.replace(samples_per_pixel=1, **history), camera, poser=poser)
         self.settings = opened.settings.replace(pairs=settings.metrics.pairs)
         self.frames, self.animated, self.lighting = opened.frames, opened.animated, opened.lighting.reasons

@@ -30,6 +30,20 @@ def test_halves_are_balanced():
     assert (signs.sum(axis=1) == PARTS / 2).all()
 
 
+def test_a_frame_and_light_that_are_there_already_decide_as_new_ones():
+    scene, at = ManyLights(), np.argwhere(np.full(SIZE[::-1], True))[:200, ::-1]
+    walked, fresh = decided_pixels(scene, seed=1), decided_pixels(scene, seed=1)
+    walked.draw(preview_of(scene, 1, 0))  # whose second frame is the first one of the next pair
+    for pixels in (walked, fresh):
+        pixels.draw(preview_of(scene, 2, 0))
+    known, expected = {}, fresh.decide(at, 256, np.zeros(len(at)))
+    for part in (at[:120], at):
+        found = walked.decide(part, 256, np.zeros(len(part)), known=known)
+        assert np.array_equal(found.samples, expected.samples[: len(part)])
+        assert np.array_equal(found.end.distances["direct"], expected.end.distances["direct"][: len(part)])
+    assert {first for first, *_ in known} == {0, 64, 128}
+
+
 def test_shares_of_all_pixels_have_less_bias_than_noisy_distances():
     """Every pixel of two pairs at the limit: what the estimator expects, without the choice of pixels."""
     scene, pixels = ManyLights(), decided_pixels(ManyLights(), seed=1)
