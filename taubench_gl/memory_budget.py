@@ -21,6 +21,9 @@ VARIABLE = "TAUBENCH_MAX_MEMORY"
 LARGE_BLOCK = 4 << 20
 """Bytes from which a freed block goes back to the system at once (``return_freed``)."""
 
+IMAGE_BLOCK = 32 << 20
+"""``LARGE_BLOCK`` while images are decoded: the system clears what it gives again, which takes as long as decoding."""
+
 _TEXT = re.compile(r"([0-9]{1,15}(?:\.[0-9]{1,6})?)\s*(?:([KMGT])(i?)B?|B)?", re.IGNORECASE)
 _LEAST = 1 << 20
 
@@ -83,15 +86,15 @@ def shown_bytes(count: int) -> str:
     return f"{count / 1024**unit:.4g} {('bytes', 'KiB', 'MiB', 'GiB')[unit]}"
 
 
-def return_freed() -> None:
-    """Make the C library return what is freed to the system, and from now on blocks of at least LARGE_BLOCK at once.
+def return_freed(large: int = LARGE_BLOCK) -> None:
+    """Make the C library return freed memory to the system, and from now on blocks of at least ``large`` bytes at once.
 
     glibc otherwise keeps blocks of up to 32 MiB for later ones of the thread: 70 MB of each that decodes images.
     """
     with contextlib.suppress(AttributeError, OSError):  # a C library without it
         library = ctypes.CDLL(None)
-        library.mallopt(-3, LARGE_BLOCK)  # M_MMAP_THRESHOLD
-        library.mallopt(-1, 8 * LARGE_BLOCK)  # M_TRIM_THRESHOLD; 128 KiB would clear pages again and again
+        library.mallopt(-3, large)  # M_MMAP_THRESHOLD
+        library.mallopt(-1, 8 * large)  # M_TRIM_THRESHOLD; 128 KiB would clear pages again and again
         library.malloc_trim(0)
 
 

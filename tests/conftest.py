@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 
 os.environ.setdefault("TAUBENCH_STAGE_SECONDS", "3600")  # which stages are lines would depend on the load
 gc.disable()  # while tests are collected, where nothing becomes garbage: a fifth of that time
+if "PYTEST_XDIST_WORKER" in os.environ:
+    atexit.register(os._exit, 0)  # after all other handlers: freeing what a worker has made would take 2 s
+else:
+    atexit.register(gc.unfreeze)  # some libraries report what then is left
 
 
 def _long() -> dict[str, int]:
@@ -50,7 +54,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """From here on garbage is collected, without a look at what collecting the tests has made."""
     gc.freeze()
-    atexit.register(gc.unfreeze)  # some libraries report what then is left
     gc.enable()
 
 
@@ -235,7 +238,7 @@ def fixed_light() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def coarse_light() -> Iterator[None]:
     """Fixed light of few texels and probes, for modules whose subject is not its accuracy."""
-    with _lighting_defaults(**FIXED, shadow_size=64, probes=32):
+    with _lighting_defaults(**{**FIXED, "shadow_size": 64}, probes=32):
         yield
 
 
@@ -333,16 +336,9 @@ def _no_picture() -> dict[str, bytes]:
 NO_PICTURE = _no_picture()
 
 
-@pytest.fixture
-def plots() -> None:
-    """Plots are drawn in this test; in all others they are composed, and their files hold no picture."""
-
-
-@pytest.fixture(autouse=True)
-def _undrawn_plots(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drawing the text of plots would take a twentieth of all tests."""
-    if "plots" in request.fixturenames:
-        return
+@pytest.fixture(scope="session", autouse=True)
+def _drawn_plots() -> Iterator[Callable[..., list[Path]]]:
+    """Drawing the text of plots would take a twentieth of all tests.  Yields what draws them."""
     from taubench_gl.outputs import write_atomically
     from taubench_gl.report.plot import Plot
 
@@ -352,4 +348,13 @@ def _undrawn_plots(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPat
             write_atomically(file, NO_PICTURE[file.suffix])
         return files
 
-    monkeypatch.setattr(Plot, "save", save)
+    drawn = Plot.save
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Plot, "save", save)
+        yield drawn
+
+
+@pytest.fixture
+def plots(_drawn_plots: Callable[..., list[Path]], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plots are drawn in this test; in all others they are composed, and their files hold no picture."""
+    monkeypatch.setattr("taubench_gl.report.plot.Plot.save", _drawn_plots)

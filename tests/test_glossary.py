@@ -65,17 +65,6 @@ def test_sources_in_the_docs_exist(group):
             assert not section or f"\n## {section}" in text, term.source
 
 
-@pytest.mark.parametrize("group", GROUPS)
-def test_a_definition_is_one_sentence(group):
-    terms = GROUPS[group]
-    assert len({term.key for term in terms.values()}) == len(terms)
-    for term in terms.values():
-        assert term.label and term.definition
-        assert term.definition[0].isupper() or term.definition[0].isdigit()
-        assert not term.definition.endswith(".") and ". " not in term.definition
-        assert "|" not in term.definition  # a cell of a Markdown table
-
-
 def test_labels_of_reasons_are_distinct():
     for a, b in itertools.combinations(glossary.REASONS.values(), 2):
         assert a.label != b.label and a.definition != b.definition

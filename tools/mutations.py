@@ -70,6 +70,7 @@ COST_ONLY = {
         "NODE_COST": "shape of a tree; every tree gives the same nearest hit",
         "TRIANGLE_COST": "shape of a tree; every tree gives the same nearest hit",
         "BINS": "shape of a tree; every tree gives the same nearest hit",
+        "PAIR": "shape of a tree; every tree gives the same nearest hit",
     },
     "taubench_gl/frame/raytracing/refit.py": {"GROUP": "nodes of a work group"},
     "taubench_gl/frame/shadow_faces.py": {"FACE_ROW": "columns of a table; shaders get the same number"},

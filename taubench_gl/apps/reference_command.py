@@ -11,6 +11,7 @@ import click
 
 from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, option_group
 from taubench_gl.apps.screen import TABLE_FORMATS, show_json, show_notes, show_tables
+from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, one_of, setting
 from taubench_gl.option_groups import RenderOptions
 from taubench_gl.settings import FIXED_LIGHTING, OUTPUT, Settings
@@ -127,6 +128,8 @@ def compare(
     from taubench_gl.pathtraced.compare import compare_runs
     from taubench_gl.pathtraced.compare_report import comparison_tables
 
+    if as_json and form != "text":
+        raise SettingsError("--format has no effect with --json", hint="leave out one of them")
     result = compare_runs(first, second)
     if as_json:
         show_json(result)

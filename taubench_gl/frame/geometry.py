@@ -125,6 +125,7 @@ class Draw:
     index_count: int
     vertex_count: int
     flat: bool
+    repeats: bool  # lies exactly on an earlier instance of its node at every time: nothing sees it
 
 
 @dataclass(slots=True)
@@ -210,17 +211,20 @@ def build_geometry(scene: Scene) -> Geometry:
                 made[key] = make_vertex_data(primitive, tangents=_normal_map_set(scene, primitive))
             vertices = made[key]
             moves = is_posed(scene, node, mesh, primitive)
+            places: set[bytes] = set()
             for local in [None] if instances is None else instances:
                 if moves:
                     base = posed.add(vertices)
                 else:
                     base = placed[key] = placed.get(key) or fixed.add(vertices)
+                place = b"" if local is None else local.tobytes()
                 draws.append(
                     Draw(
                         int(node), mesh_index, index, primitive.material, local, moves, base[0], base[1],
-                        vertices.triangles.size, len(vertices.positions), vertices.flat,
+                        vertices.triangles.size, len(vertices.positions), vertices.flat, not moves and place in places,
                     )
                 )  # fmt: skip
+                places.add(place)
     posed_keys = {(d.mesh, d.primitive) for d in draws if d.posed}
     return Geometry(tuple(draws), fixed.pool(), posed.pool(constants=True), {k: made[k] for k in posed_keys})
 
@@ -228,6 +232,12 @@ def build_geometry(scene: Scene) -> Geometry:
 def _normal_map_set(scene: Scene, primitive: Primitive) -> int | None:
     texture = scene.materials[primitive.material].normal_texture if primitive.material >= 0 else None
     return None if texture is None else texture.texcoord
+
+
+def instanced_draws(draws: tuple[Draw, ...]) -> tuple[Array, Array]:
+    """Rows of the draws of instanced nodes, (K,) int64, and their node_from_instance, (K, 4, 4) float64."""
+    rows = [i for i, d in enumerate(draws) if d.local is not None]
+    return np.array(rows, np.int64), np.array([draws[i].local for i in rows], np.float64).reshape(-1, 4, 4)
 
 
 def instance_numbers(draws: tuple[Draw, ...]) -> list[int | None]:

@@ -18,7 +18,7 @@ from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shared import Held
-from taubench_gl.memory_budget import return_freed
+from taubench_gl.memory_budget import IMAGE_BLOCK, return_freed
 from taubench_gl.scene.model import Material, Scene, Texture
 from taubench_gl.stage_log import lasting, progressed
 
@@ -157,7 +157,7 @@ def images_of(used: Iterable[tuple[Material, tuple[str, ...]]]) -> set[tuple[int
 
 def decoded_images(scene: Scene, images: Iterable[int]) -> Iterator[tuple[int, np.ndarray]]:
     """(image, texels (h, w, 4) uint8) in order.  Threads decode a few images ahead, so few are held at a time."""
-    return_freed()
+    return_freed(IMAGE_BLOCK)  # an image takes the memory of the one before it
     ahead: deque[tuple[int, Future[np.ndarray]]] = deque()
     with ThreadPoolExecutor(DECODED_AHEAD) as pool:
         for image in images:
@@ -166,6 +166,7 @@ def decoded_images(scene: Scene, images: Iterable[int]) -> Iterator[tuple[int, n
             ahead.append((image, pool.submit(scene.images[image].decode)))
         while ahead:
             yield ahead[0][0], ahead.popleft()[1].result()
+    return_freed()
 
 
 def image_bytes(size: tuple[int, int]) -> int:

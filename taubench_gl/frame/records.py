@@ -8,7 +8,7 @@ import numpy as np
 
 from taubench_gl.animation import FrameState, View
 from taubench_gl.conventions import ABSENT, NO_HISTORY
-from taubench_gl.frame.geometry import Draw
+from taubench_gl.frame.geometry import Draw, instanced_draws
 from taubench_gl.gpu.layout import Field, Struct
 
 Array = np.ndarray
@@ -42,7 +42,7 @@ class RecordTable:
         """Records of ``draws``.  ``replacements``: surfaces that replace others, as in ``Scene.replacements``."""
         self._node = np.array([d.node for d in draws], dtype=np.int64)
         self._posed = np.array([d.posed for d in draws], dtype=bool)
-        self._local = {i: d.local for i, d in enumerate(draws) if d.local is not None}
+        self._instanced, self._local = instanced_draws(draws)
         self.rows = RECORD.zeros(len(draws))
         self.rows["ids"][:, 0] = np.arange(len(draws)) + 1
         self.rows["ids"][:, 1] = [d.material + 1 for d in draws]
@@ -53,8 +53,7 @@ class RecordTable:
         mirror of the skin or node of posed draws, whose own matrix is the identity.
         """
         world = state.world[self._node]
-        for i, local in self._local.items():
-            world[i] = world[i] @ local
+        world[self._instanced] = world[self._instanced] @ self._local
         mirrored = np.linalg.det(world[:, :3, :3]) < 0
         relative = world.copy()
         relative[:, :3, 3] -= view.position  # float64: what is left is small enough for float32

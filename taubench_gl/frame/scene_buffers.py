@@ -113,7 +113,7 @@ class SceneBuffers:
         self.triangles = triangles_of(self._table)  # (D,)
 
     def arrange(self, placement: Placement, materials: MaterialTable, *, culling: bool) -> None:
-        """Sort visible draws by state into groups and upload their commands."""
+        """Sort visible draws, without those that repeat others, by state into groups and upload their commands."""
         state = (placement.visible.tobytes(), placement.mirrored.tobytes())
         if state == self._arranged:
             return
@@ -124,7 +124,7 @@ class SceneBuffers:
             cull = culling and not materials.keys[d.material + 1].double_sided
             return d.posed, d.material, cull, bool(placement.mirrored[i]), d.base_vertex
 
-        visible = sorted(np.flatnonzero(placement.visible).tolist(), key=key)
+        visible = sorted((i for i in np.flatnonzero(placement.visible).tolist() if not self._draws[i].repeats), key=key)
         commands = self._table[visible].copy()
         commands["base_instance"] = np.arange(len(visible))
         # Draws of the same primitive in a row become one instanced command.

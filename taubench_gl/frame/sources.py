@@ -71,6 +71,9 @@ class Source(Protocol):
     def release(self) -> None: ...
 
 
+FEW_TRIANGLES = 1_000_000
+"""Triangles whose trees for rays take less memory while they are built, compiler included, than large images do."""
+
 OTHER_EYE = 1 << 20
 """Added to the number of a frame for the random numbers of the other eye."""
 
@@ -143,8 +146,11 @@ class RasterSource(Owner):
         self._more = [self.own(renderer.new_history()) for _ in range(self.samples - 1)]
         self._history = renderer.history
         self.visibility = self.own(VisibilityPass(renderer, spec) if VISIBILITY in spec.extra else None)
+        # Decoding images and building trees both take much memory for a while: what takes more of it comes first.
+        if spec.animated.triangles < FEW_TRIANGLES:
+            _ = renderer.materials.textures
         self.light = self.own(LightStage(renderer, spec) if any(declare(spec) for declare in LIGHT) else None)
-        _ = renderer.materials.textures  # uploaded when the trees of rays stand, whose making takes memory for a while
+        _ = renderer.materials.textures
 
     def advance(self, frame: int) -> View:
         return self._draw(frame, self._offset(frame))

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.datasets.gltf_from_scene import write_scene
+from taubench_gl.errors import GraphicsError
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import Run, RunWriter
 from taubench_gl.run_schema import COUNT_COLUMNS
@@ -86,8 +87,6 @@ def test_output_on_a_full_disk_is_one_line(command, buffered):
 
 @pytest.fixture
 def gpu(monkeypatch):
-    from taubench_gl.errors import GraphicsError
-
     module = types.ModuleType("taubench_gl.gpu.capabilities")
 
     def capability_report(backend, device):
@@ -174,20 +173,15 @@ def test_inspect(taubench, tmp_path):
     assert facts["bounds"] == {"center": [1, 1, 0], "radius_m": pytest.approx(2**0.5)}
 
 
-def test_inspect_without_opengl_prints_no_exposure(tmp_path):
-    path = hall(tmp_path / "hall.glb")
-    code = f"""
-import sys
-from taubench_gl.errors import GraphicsError
-from taubench_gl.evaluation import exposure
-def none(*_): raise GraphicsError("no OpenGL")
-exposure.opened_gpu = none
-from taubench_gl.apps.cli import main
-main(["inspect", {str(path)!r}, "--json"])
-"""
-    done = fresh("-c", code)
-    assert done.returncode == 0, done.stderr
-    facts = json.loads(done.stdout)
+def test_inspect_without_opengl_prints_no_exposure(taubench, tmp_path, monkeypatch):
+    def none(*_):
+        raise GraphicsError("no OpenGL")
+
+    monkeypatch.setattr("taubench_gl.evaluation.exposure.opened_gpu", none)
+    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))  # which has no exposure of the scene
+    code, out, err = taubench("inspect", hall(tmp_path / "hall.glb"), "--json")
+    assert code == 0, err
+    facts = json.loads(out)
     assert facts["exposure"]["value"] is None and facts["exposure"]["reason"]
     assert facts["frames"] == 13
 

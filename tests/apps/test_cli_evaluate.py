@@ -64,15 +64,6 @@ def test_a_run_without_a_pair_is_exit_code_2_with_the_way_out(taubench, evaluate
     assert code == 2 and way_out in err and err.strip().count("\n") == 0 and not out
 
 
-@pytest.mark.parametrize("options", [["--camera-file", "cameras.json"], ["--mapping", "blender"], ["--size", "64x36"]])
-def test_options_of_one_kind_of_scene_do_not_concern_the_other_beside_it(taubench, evaluate, tmp_path, options):
-    code, _, err = taubench("evaluate", "exr:renders", "walk.glb", "--out", tmp_path, *options)
-    assert code == 0 and "error" not in err and len(evaluate.calls) == 2
-    alone = "exr:renders" if options[0] == "--size" else "walk.glb"
-    code, _, err = taubench("evaluate", alone, *options)
-    assert code == 2 and options[0] in err and len(evaluate.calls) == 2
-
-
 def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
     monkeypatch.setenv("TAUBENCH_BACKEND", "osmesa")
     taubench("evaluate", "a.glb")
@@ -162,10 +153,12 @@ def test_folders_are_unique(scenes, names):
         (["exr:renders"], ["--camera", "Top", "--camera-file", "camera.json"], "--camera"),
         (["exr:renders"], [], None),
         (["exr:renders"], ["--camera", "Top", "--scene-file", "scene.glb"], None),
-        (["exr:renders", "walk.glb"], ["--size", "64x32", "--camera", "Top"], None),
+        (["walk.glb"], ["--camera-file", "cameras.json"], "--camera-file"),
+        (["walk.glb"], ["--mapping", "blender"], "--mapping"),
+        (["exr:renders", "walk.glb"], ["--size", "64x32", "--camera", "Top", "--mapping", "blender"], None),
     ],
 )
-def test_options_without_effect_on_path_traced_files_are_errors(taubench, evaluate, scenes, options, unused):
+def test_options_without_effect_on_their_scenes_are_errors(taubench, evaluate, scenes, options, unused):
     code, _, err = taubench("evaluate", *scenes, *options)
     if unused is None:
         assert code == 0 and len(evaluate.calls) == len(scenes), err

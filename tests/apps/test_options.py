@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import sys
 from pathlib import Path
 
@@ -15,13 +14,10 @@ from taubench_gl.apps.cli import SECTIONS, cli
 from taubench_gl.apps.options import MOST_SHORT, Command, Commands, Option, command
 from taubench_gl.batch.spec import read_spec
 from taubench_gl.benchmark.suite import read_suite
-from taubench_gl.cost import cost
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, at_least, declared, one_of, setting, some_of
-from taubench_gl.option_groups import CostOptions, FitOptions, ReuseOptions
 from taubench_gl.paths import PACKAGE
 from taubench_gl.preset import load_preset
-from taubench_gl.reuse import EvaluationRequest, evaluate_methods, fit_setting
 from taubench_gl.settings import KEYS, NO_OPTION, LightingSettings, Settings, parse_size
 
 sys.path.append(str(PACKAGE.parent / "tools"))
@@ -52,22 +48,6 @@ def test_a_setting_is_an_option_a_key_and_a_keyword(tmp_path, name):
         Settings(**{name: {"x": "y"}})
     assert caught.value.setting == name
     assert any(line.startswith(f"| `{name}` |") for line in settings_table())
-
-
-def test_functions_do_not_state_defaults_of_options():
-    """A keyword of a function that is also the name of an option has no default of its own."""
-    for function, kinds in (
-        (evaluate_methods, (ReuseOptions,)),
-        (fit_setting, (ReuseOptions, FitOptions)),
-        (cost, (CostOptions, Settings)),
-    ):
-        names = {name for kind in kinds for name in (KEYS if kind is Settings else declared(kind))} - {"scene"}
-        assert names.isdisjoint(inspect.signature(function).parameters), function.__name__
-    for member in ("evaluate", "fit"):
-        options = {param.name for param in cli.commands["reuse"].commands[member].params}
-        assert {*declared(ReuseOptions)} - options <= {"metrics"}  # fit has one of its own
-    own = {field.name for field in dataclasses.fields(EvaluationRequest)} - set(declared(ReuseOptions))
-    assert own == {"statistics", "exact_samples"} and declared(EvaluationRequest) == declared(ReuseOptions)
 
 
 def members(group: click.Group) -> list[click.Command]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from fixed import FIXED
 
 from taubench_gl.benchmark.merge import merge
 from taubench_gl.benchmark.run import entries_of
@@ -82,7 +83,9 @@ def small():
     """A small suite of one case of the track, with its unit."""
     suite = read_suite("quick")
     case = next(case for case in suite.cases if case.track == TRACK)
-    case = replace(case, frames=7, settings=case.settings.replace(width=32, height=18, frames=(0, 7)))
+    case = replace(
+        case, frames=7, settings=case.settings.replace(width=32, height=18, frames=(0, 7), indirect="none", **FIXED)
+    )
     unit = BenchmarkUnit.of(case, entries_of(["interpolate", "taa_clamp"]), sha256_of(scene_file(case.scene)))
     return replace(suite, cases=(case,)), unit
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from repeated import few
 
+import taubench_gl.benchmark.suite as benchmark_suite
 from taubench_gl.animation import FileCamera, Poser, camera_of_run
 from taubench_gl.benchmark.merge import tracks_of
 from taubench_gl.benchmark.scenes import scene_file
@@ -123,7 +124,7 @@ def test_the_identity_of_a_case_is_what_is_evaluated(tmp_path):
     assert len({own, still.identity("b" * 64), longer.identity("a" * 64)}) == 3
 
 
-def test_settings_and_options_are_keys_of_tables_and_suites(tmp_path):
+def test_settings_and_options_are_keys_of_tables_and_suites(tmp_path, monkeypatch):
     """One of a table is before that of the suite; what is not the default is part of the hash."""
     more = "bounces = 2\nthresholds = { normal = 0.25 }\nwarmup = 2\n"
     plain, own = (suite_of(tmp_path, HEAD + text).cases for text in (CASE + CASE.replace("noisy", "full"), more + CASE))
@@ -134,6 +135,9 @@ def test_settings_and_options_are_keys_of_tables_and_suites(tmp_path):
     assert own[0].settings.metrics.thresholds["normal"] == 0.25
     assert twice.settings.lighting.bounces == 3 and twice.size == (64, 36)
     assert len({case.identity("a") for case in (*plain, *own, twice)}) == 4
+    before, values = plain[0].identity("a"), benchmark_suite._values
+    monkeypatch.setattr(benchmark_suite, "_values", lambda *given: values(*given) | {"new key": 1})
+    assert plain[0].identity("a") == before  # stored results stay those of the case
 
 
 def test_equal_cases_of_two_series_count_once(tmp_path):

@@ -125,6 +125,7 @@ def test_a_teleport_is_a_jump_and_a_death_an_end(timeline):
     assert steps[at - 1] > 19 and np.delete(steps, at - 1).max() < 0.2
     expected = (times <= 0.98 + 1e-9) | (times >= 2 - 1e-9)  # the last packet before the death
     assert (other.alive == expected).all()
+    assert np.ptp(other.places[~expected], axis=0).max() == 0.0  # where it died
     with pytest.raises(SettingsError):
         timeline.eye(77, times)
 

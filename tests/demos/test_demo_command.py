@@ -29,16 +29,16 @@ def test_without_a_name_the_demos_are_listed(run, arguments, tmp_path):
 
 
 def test_runs_by_number_and_name(run, tmp_path):
-    code, out, _ = run("9", "occlusion", "--size", "160x90", "--out", "lecture")
+    code, out, _ = run("5", "sampling", "--size", "160x90", "--out", "lecture")
     assert code == 0, out
     names = {path.name for path in (tmp_path / "lecture").iterdir()}
-    assert names == {"09-thresholds.png", "09-thresholds.html", "07-occlusion.png", "07-occlusion.html"}
+    assert names == {"05-half.png", "05-half.html", "06-sampling.png", "06-sampling.html"}
     findings = [line for line in out.splitlines() if line.startswith(("  PASS", "  FAIL"))]
-    assert len(findings) == 10 and all(line.startswith("  PASS") for line in findings)
-    one = find_demo("thresholds")
-    assert f"9. {one.text.title}" in out and all(item[:60] in out for item in one.text.look_for)
+    assert len(findings) == 5 and all(line.startswith("  PASS") for line in findings)
+    one = find_demo("half")
+    assert f"5. {one.text.title}" in out and all(item[:60] in out for item in one.text.look_for)
     assert "lecture" in out.splitlines()[-1]
-    assert "all demos" not in (tmp_path / "lecture" / "09-thresholds.html").read_text(encoding="utf-8")
+    assert "all demos" not in (tmp_path / "lecture" / "05-half.html").read_text(encoding="utf-8")
 
 
 def test_a_lecture_is_pages_in_order_with_an_index(run, monkeypatch, tmp_path):
@@ -54,16 +54,16 @@ def test_a_lecture_is_pages_in_order_with_an_index(run, monkeypatch, tmp_path):
 
 
 def test_a_wrong_number_is_exit_code_1(run, monkeypatch):
-    one = find_demo("thresholds")
+    one = find_demo("half")
 
     def wrong(stage, lesson):
         measured = one.measure(stage, lesson)
         name, (number, _) = next(iter(measured.numbers.items()))
         return dataclasses.replace(measured, numbers=measured.numbers | {name: (number, Expected.near(99.0, 0.5))})
 
-    monkeypatch.setitem(DEMOS, "thresholds", dataclasses.replace(one, measure=wrong))
-    code, out, _ = run("thresholds", "--size", "160x90")
-    assert code == 1 and "  FAIL" in out and "thresholds" in out.splitlines()[-1]
+    monkeypatch.setitem(DEMOS, "half", dataclasses.replace(one, measure=wrong))
+    code, out, _ = run("half", "--size", "160x90")
+    assert code == 1 and "  FAIL" in out and "half" in out.splitlines()[-1]
 
 
 INVALID = {

@@ -56,6 +56,8 @@ def test_instances_are_copies(gpu) -> None:
     # Seven copies of one mesh are seven instances of one draw, whatever else says so.
     ids = channels_of(gpu, instanced, ("position", "ids"))["ids"][..., 0]
     assert set(np.unique(ids)) - {0} <= set(range(1, 8)) and len(np.unique(ids)) > 5
+    repeated = replace(one, nodes=replace(one.nodes, instances={1: np.stack([*at, at[1], at[6]])}))
+    assert_same(channels_of(gpu, instanced, (*CHANNELS, "ids")), channels_of(gpu, repeated, (*CHANNELS, "ids")))
 
 
 @pytest.mark.parametrize("smooth", [True, False])

@@ -47,7 +47,7 @@ def test_an_atlas_larger_than_a_texture_is_refused(kind):
 def test_an_atlas_larger_than_memory_is_refused(monkeypatch):
     monkeypatch.setattr(memory, "available_bytes", lambda: 10_000_000)
     with pytest.raises(GraphicsError):
-        allocate(needed(shadow_maps), 16384, software=True)
+        allocate(needed(shadow_maps, shadow_size=1024), 16384, software=True)
 
 
 @pytest.mark.parametrize(("samples", "texels"), [(2_000_000, "256x31213"), (200_000_000, "16384x17319")])

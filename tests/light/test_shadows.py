@@ -16,6 +16,7 @@ from shadow_tools import Case, on_plane, visibility
 
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.shadow_faces import SMALLEST_MAP, faces_of, map_sizes, pack, wanted_sizes
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned, sphere
 from taubench_gl.scene.model import Scene
@@ -108,6 +109,25 @@ def test_no_acne_on_a_plane_of_any_slope(gpu, kind):
     shot, lit = visibility(gpu, b.build(), shadow_size=64)
     tested = shot.surface & np.isfinite(lit)
     assert tested.mean() > 0.4 and np.all(lit[tested] > 0.999)
+
+
+def test_light_leaks_at_the_foot_of_a_thin_wall_within_half_a_texel(gpu):
+    """A ray that meets the wall within the bias of the floor counts as open: along the light, half a texel.
+
+    The wall is slanted against the texels, so that their phases even out along it.
+    """
+    b, case = SceneBuilder(), Case("directional", 45.0, 70.0)
+    material = lambert(b, 0.5)
+    floor(b, 1.0, material=material)
+    b.node(mesh=b.mesh(quad(1.0, 0.5, material=material)), translation=(0.0, 0.5, 0.0))
+    b.light(rotation=facing(-case.towards), kind="directional", intensity=10.0)
+    look_down(b, 0.3, center=(0.0, -0.2))
+    shot, lit = visibility(gpu, b.build(), shadow_size=16)
+    behind = on_plane(shot) & (shot.points[..., 2] < 0.0)
+    width = 0.6 / 160 * lit[behind].sum() / 160
+    face = faces_of(b.build(), None, [0], AnimatedScene(b.build()).bounds, 16)[0]
+    texel = 2.0 * face.half / face.resolution
+    assert abs(width / (0.5 * texel * case.towards[2]) - 1.0) < 0.3, (width, texel)
 
 
 @pytest.mark.parametrize("kind", ["directional", "point"])

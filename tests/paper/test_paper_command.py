@@ -13,6 +13,7 @@ from fixed import fixed_settings
 from taubench_gl.apps.cli import cli
 from taubench_gl.benchmark import scenes as benchmark_scenes
 from taubench_gl.conventions import Reason
+from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.scene_cache import CachedScene
 from taubench_gl.datasets.stand_ins import STAND_INS
@@ -25,12 +26,27 @@ from taubench_gl.paper.study import PaperOptions, plan
 from taubench_gl.paths import ASSETS
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import SceneBuilder, box, turn_y
 from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
 DEMO = ASSETS / "demo.glb"
 SMALL = ("--size", "32x18", "--quick")
+
+
+def room():
+    """A box that moves in a room with a lamp, and a camera that walks and turns, for a second."""
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(box((4.0, 2.0, 4.0), inside=True)))
+    b.animate(
+        b.node(mesh=b.mesh(box((0.5, 0.5, 0.5)))), "translation", [0.0, 1.0], [(-1.5, -0.5, -1.0), (1.5, 0.2, -1.5)]
+    )
+    b.light(translation=(1.0, 1.5, 0.0), intensity=30.0)
+    camera = b.camera(yfov=np.radians(70.0), znear=0.1)
+    b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 2.0), (0.5, 0.1, 1.5)])
+    b.animate(camera, "rotation", [0.0, 1.0], [turn_y(-8.0), turn_y(12.0)])
+    return b.build()
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -40,8 +56,9 @@ def cache(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TAUBENCH_CACHE", str(folder))
+        write_scene(room(), folder / "room.glb")
         for name in STAND_INS:
-            patch.setitem(benchmark_scenes.SHIPPED, name, DEMO)
+            patch.setitem(benchmark_scenes.SHIPPED, name, folder / "room.glb")
         patch.setattr(figures, "SIZE", (32, 18))
         patch.setattr(figures, "TURNS", {"yaw": figures.TURNS["yaw"]})
         patch.setattr(figures, "COLUMNS", {name: figures.COLUMNS[name] for name in ("normal", "direct")})
@@ -50,8 +67,8 @@ def cache(tmp_path_factory):
 
 
 def install(name, cache):
-    """Put the demo scene into the cache as a dataset of the paper."""
-    return CachedScene(name, load_registry()[name], cache).take(DEMO)
+    """Put the room into the cache as a dataset of the paper."""
+    return CachedScene(name, load_registry()[name], cache).take(cache / "room.glb")
 
 
 def resolved(text):
@@ -98,21 +115,22 @@ def finished(cache, tmp_path_factory):
     return out, done
 
 
-def test_everything_from_one_command(finished):
+def test_everything_from_one_command(finished, cache):
     out, _ = finished
+    file = cache / "room.glb"
     values = json.loads((out / "paper.json").read_text())
     fps, vr = values["scenes"]
     assert (fps["kind"], vr["kind"]) == (STAND_IN, DATASET)
-    for scene in (fps, vr):  # both are the demo scene
+    for scene in (fps, vr):  # both are the room
         assert scene["camera_fps"] == 60.0 and scene["images"]["raster"]["settings"]["fps"] == 24.0
         assert scene["images"]["raster"]["lobes"]["diffuse"]["direct"]["mean_percent"] >= 0.0
     settings = Settings(
         width=32, height=18, pairs="strata:4", light="raster", exposure=1.0, columns=("frustum", "normal")
     )
-    once = evaluate_scene(DEMO, settings)
+    once = evaluate_scene(file, settings)
     for name in ("frustum", "normal"):
         assert vr["images"]["raster"]["discard"][name] == once.summary["discard"][name]
-    whole = evaluate_scene(DEMO, Settings(width=32, height=18, fps=60.0, columns=("frustum",), pairs="all"))
+    whole = evaluate_scene(file, Settings(width=32, height=18, fps=60.0, columns=("frustum",), pairs="all"))
     assert vr["position"]["mean"] == whole.summary["camera"]["position"]["mean"]
     assert vr["camera_samples"] == whole.summary["pairs"]
     assert vr["census"]["dynamic_point_lights"] == whole.summary["census"]["dynamic_point_lights"]

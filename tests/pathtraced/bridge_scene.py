@@ -48,14 +48,7 @@ def cube(name, size=1.0, location=(0, 0, 0)):
     return mesh_object(name, corners, faces, location)
 
 
-def make(path):
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    scene.frame_start, scene.frame_end = FRAMES
-    scene.render.fps = 24
-    floor = mesh_object("floor", [(-6, -6, 0), (6, -6, 0), (6, 6, 0), (-6, 6, 0)], [(0, 1, 2, 3)])
-    floor.data.materials.append(bpy.data.materials.new("gray"))
-
+def shape_keys():
     # Shape keys behind an array, which is linear in them.
     bent = cube("bent", 0.8, (-4, 0, 1))
     bent.shape_key_add(name="Basis")
@@ -79,6 +72,42 @@ def make(path):
         wide.keyframe_insert("value", frame=frame)
     twist = twisted.modifiers.new("twist", "SIMPLE_DEFORM")
     twist.deform_method, twist.deform_axis, twist.angle = "TWIST", "X", 1.0
+
+
+def curve(scene):
+    """A tube along a curve, which moves and grows."""
+    tube = bpy.data.objects.new("tube", bpy.data.curves.new("tube", "CURVE"))
+    tube.data.dimensions, tube.data.bevel_depth = "3D", 0.1
+    line = tube.data.splines.new("POLY")
+    line.points.add(2)
+    for point, place in zip(line.points, ((0, 0, 0), (0, 0, 1), (1, 0, 1)), strict=True):
+        point.co = (*place, 1.0)
+    scene.collection.objects.link(tube)
+    key(tube, "location", {1: (-4, 4, 0), 13: (-4, 4.5, 0)})
+    key(tube.data, "bevel_depth", {1: 0.1, 13: 0.2})
+
+
+def not_rendered(scene):
+    """A cube and a lamp in a collection that is hidden in renders."""
+    left_out = bpy.data.collections.new("left out")
+    scene.collection.children.link(left_out)
+    left_out.hide_render = True
+    lamp = bpy.data.objects.new("dark", bpy.data.lights.new("dark", "POINT"))
+    for item in (cube("unseen", 3.0, (0, 0, 2)), lamp):
+        left_out.objects.link(item)
+        if item.name in scene.collection.objects:
+            scene.collection.objects.unlink(item)
+
+
+def make(path):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = FRAMES
+    scene.render.fps = 24
+    floor = mesh_object("floor", [(-6, -6, 0), (6, -6, 0), (6, 6, 0), (-6, 6, 0)], [(0, 1, 2, 3)])
+    floor.data.materials.append(bpy.data.materials.new("gray"))
+
+    shape_keys()
     waves = mesh_object(
         "waves",
         [(0.2 * i - 1, 0.2 * j - 1, 0) for j in range(11) for i in range(11)],
@@ -93,23 +122,8 @@ def make(path):
     key(row, "location", {1: (0, -3, 0.2), 13: (1, -3, 0.2)})
 
     skinned()
-    tube = bpy.data.objects.new("tube", bpy.data.curves.new("tube", "CURVE"))
-    tube.data.dimensions, tube.data.bevel_depth = "3D", 0.1
-    line = tube.data.splines.new("POLY")
-    line.points.add(2)
-    for point, place in zip(line.points, ((0, 0, 0), (0, 0, 1), (1, 0, 1)), strict=True):
-        point.co = (*place, 1.0)
-    scene.collection.objects.link(tube)
-    key(tube, "location", {1: (-4, 4, 0), 13: (-4, 4.5, 0)})
-    key(tube.data, "bevel_depth", {1: 0.1, 13: 0.2})
-    left_out = bpy.data.collections.new("left out")
-    scene.collection.children.link(left_out)
-    left_out.hide_render = True
-    lamp = bpy.data.objects.new("dark", bpy.data.lights.new("dark", "POINT"))
-    for item in (cube("unseen", 3.0, (0, 0, 2)), lamp):
-        left_out.objects.link(item)
-        if item.name in scene.collection.objects:
-            scene.collection.objects.unlink(item)
+    curve(scene)
+    not_rendered(scene)
     instances(cube("seed", 0.2, (0, 0, -50)))
     follower = cube("follower", 0.5, (3, -2, 1))
     constraint = follower.constraints.new("TRACK_TO")

@@ -253,12 +253,12 @@ INJECTED = {
     "object motion missing": _each(still_vectors),
     "halved": _each(lambda frames, views, n: 0.5 * frames[n].motion),
     "zero": _each(lambda frames, views, n: 0 * frames[n].motion),
-    "random": _each(_random),
     "one frame late": _each(lambda frames, views, n: frames[n - 1].motion),
-    "previous frame's camera": _each(_previous_camera),
-    "constant": _each(lambda frames, views, n: np.full_like(frames[n].motion, 1.7)),
     "object motion halved": _each(
         lambda frames, views, n: 0.5 * (frames[n].motion + still_vectors(frames, views, n))
     ),
+    "previous frame's camera": _each(_previous_camera),
+    "constant": _each(lambda frames, views, n: np.full_like(frames[n].motion, 1.7)),
+    "random": _each(_random),
 }  # fmt: skip
 """Name of a fault -> (frames by number, views by number) -> frames with it."""

@@ -14,7 +14,7 @@ from fixed import fixed_settings
 from taubench_gl.api import evaluate
 from taubench_gl.apps.cli import cli
 from taubench_gl.conventions import Reason
-from taubench_gl.errors import OutputError
+from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.metrics.feature_errors import FeatureErrors
 from taubench_gl.pathtraced.compare import (
     NO_CHANNELS,
@@ -78,6 +78,8 @@ def test_a_comparison_and_its_tables(renders, tmp_path):
     assert f"frames {result['worst']['frame'] - 1} and" in done.output
     stated = CliRunner().invoke(cli, f"reference compare {tmp_path / 'a'} {tmp_path / 'b'} --json".split())
     assert json.loads(stated.output) == result
+    both = CliRunner().invoke(cli, f"reference compare {tmp_path / 'a'} {tmp_path / 'b'} --json --format csv".split())
+    assert isinstance(both.exception, SettingsError)
     for name in ("masks/mask", "channels/channels"):
         file = tmp_path / "b" / f"{name}_{result['worst']['frame']:05d}.npz"
         whole = file.read_bytes()

@@ -19,7 +19,7 @@ from taubench_gl.pathtraced.cameras import camera_file_text
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.pathtraced.passes import LOBES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
-from taubench_gl.pathtraced.source import frame_channels
+from taubench_gl.pathtraced.source import frame_channels, mixed_pixels
 
 
 def channels_of(renders):
@@ -167,6 +167,17 @@ def test_real_cycles_files_with_a_fitted_and_a_scene_camera(data):
     assert given.summary["path_traced"]["camera_mismatch_px"] < 1e-3
     assert given.summary["discard"]["direct"]["mean_percent"] == pytest.approx(11.40, abs=0.05)
     assert "estimated" in fitted.summary["path_traced"]["camera"]
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_mixed_pixels_lie_between_two_surfaces(axis):
+    """A wall at 2 m and one at 4 m, each side of an edge: the mean of 1 / depth lies on neither."""
+    inverse = np.array([0.5, 0.5, 0.5, 0.5, 0.375, 0.25, 0.25, 0.25, 0.25])
+    for middle, mixed in ((0.375, 9), (0.5, 0), (0.25, 0)):
+        inverse[4] = middle
+        depth = np.moveaxis(np.broadcast_to(1.0 / inverse, (9, 9)), 1, axis)
+        found, edges = mixed_pixels(depth, np.zeros((9, 9), bool))
+        assert found == mixed and edges == (9 if mixed else 18)
 
 
 @pytest.mark.parametrize("curve", ["linear", "reinhard", "aces"])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
+import moderngl
 import numpy as np
 
 from taubench_gl.frame.raytracing.attributes import HitAttributes
@@ -12,6 +14,8 @@ from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.gpu.declare import WRITE, ComputePass
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
+from taubench_gl.gpu.shader import ShaderCache, compile_compute, resolve
+from taubench_gl.paths import SHADERS
 
 Array = np.ndarray
 WIDTH = 1024
@@ -27,13 +31,21 @@ class Hits:
     weights: Array  # (N, 2) float32 barycentric weights of the second and third corner
 
 
+class ShadersOfTests(ShaderCache):
+    """Compute programs whose entry points may lie beside this file."""
+
+    def compute(self, entry: str, defines=None, preamble: str = "") -> moderngl.ComputeShader:
+        return compile_compute(self._ctx, resolve(entry, defines, preamble, (SHADERS, Path(__file__).parent)))
+
+
 class RayQuery(Owner):
     """Answers rays against one structure."""
 
     def __init__(self, context: GpuContext, structure: SceneStructure, attributes: HitAttributes | None = None):
         """``attributes``: for a structure that tests alpha."""
         super().__init__()
-        self._context, self._structure, self._attributes = context, structure, attributes
+        self._context = GpuContext(context.gpu, ShadersOfTests(context.gpu.ctx))
+        self._structure, self._attributes = structure, attributes
         self._compiled: dict[tuple[bool, bool, int], CompiledCompute] = {}
 
     def __call__(
@@ -74,7 +86,7 @@ class RayQuery(Owner):
     def _compile(self, any_hit: bool, before: bool, height: int) -> CompiledCompute:
         key = any_hit, before, height
         if key not in self._compiled:
-            p = ComputePass("ray query", ("raytracing/query.comp.glsl",)).define(ANY_HIT=any_hit, BEFORE=before)
+            p = ComputePass("ray query", ("ray_query.comp.glsl",)).define(ANY_HIT=any_hit, BEFORE=before)
             p.image("ray_origins", filled=True).image("ray_directions", filled=True)
             p.image("ray_normals", filled=True)
             p.image("hits_out", "rgba32ui", access=WRITE, resource="hits")
@@ -83,4 +95,5 @@ class RayQuery(Owner):
             if self._attributes is not None:
                 self._attributes.declare(p)
             self._compiled[key] = self.own(self._context.compute(p.dispatch((WIDTH, height), (64, 1))))
+            self.own(self._compiled[key].program)
         return self._compiled[key]

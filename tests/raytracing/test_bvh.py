@@ -30,10 +30,11 @@ def check(tree: Tree, low: Array, high: Array) -> None:
     leaf = tree.count > 0
     assert (tree.right[leaf] == -1).all() and (tree.count[leaf] <= LEAF_TRIANGLES).all()
     assert tree.count.sum() == len(low) and len(tree) == 2 * leaf.sum() - 1
-    for node in np.flatnonzero(leaf):
-        inside = tree.order[tree.first[node] : tree.first[node] + tree.count[node]]
-        np.testing.assert_array_equal(tree.low[node], low[inside].astype(np.float32).min(axis=0))
-        np.testing.assert_array_equal(tree.high[node], high[inside].astype(np.float32).max(axis=0))
+    first = tree.first[leaf]
+    np.testing.assert_array_equal(first, np.cumsum(tree.count[leaf]) - tree.count[leaf])
+    low, high = (corner[tree.order].astype(np.float32) for corner in (low, high))
+    np.testing.assert_array_equal(tree.low[leaf], np.minimum.reduceat(low, first))
+    np.testing.assert_array_equal(tree.high[leaf], np.maximum.reduceat(high, first))
     inner = np.flatnonzero(~leaf)
     left, right = inner + 1, tree.right[inner]
     np.testing.assert_array_equal(tree.low[inner], np.minimum(tree.low[left], tree.low[right]))
@@ -50,20 +51,6 @@ def test_trees_hold_every_box(kind, count):
     check(build(low, high), low, high)
 
 
-def test_a_tree_over_triangles_is_that_over_their_boxes_and_says_how_far_it_is():
-    rng = np.random.default_rng(3)
-    vertices = rng.normal(size=(500_000, 3)).astype(np.float32)
-    triangles = rng.integers(0, len(vertices), (3 * bvh.AT_ONCE, 3)).astype(np.uint32)
-    done: list[int] = []
-    tree = build_over(vertices, triangles, done.append)
-    corners = vertices[triangles]
-    expected = build(corners.min(axis=1), corners.max(axis=1))
-    for name in Tree.__slots__:
-        np.testing.assert_array_equal(getattr(tree, name), getattr(expected, name))
-    assert len(done) >= 3 and done == sorted(set(done)) and done[-1] == len(triangles)
-    assert max(np.diff([0, *done])) < bvh.AT_ONCE + LEAF_TRIANGLES
-
-
 def terrain(quads: int) -> tuple[Array, Array]:
     """A height field in rows: vertices (V, 3) float32, and triangles (T, 3)."""
     x, y = np.meshgrid(np.arange(quads + 1), np.arange(quads + 1))
@@ -77,6 +64,29 @@ def expected_visits(tree: Tree) -> float:
     x, y, z = (tree.high.astype(np.float64) - tree.low).T
     area = x * y + y * z + z * x
     return float(area @ np.maximum(tree.count, 1) / area[0])
+
+
+def test_a_tree_over_triangles_holds_their_boxes_and_says_how_far_it_is():
+    rng = np.random.default_rng(3)
+    vertices, quads = terrain(400)
+    triangles = np.concatenate([rng.integers(0, len(vertices), (bvh.AT_ONCE, 3)), quads]).astype(np.uint32)
+    done: list[int] = []
+    tree = build_over(vertices, triangles, done.append)
+    corners = vertices[triangles]
+    check(tree, corners.min(axis=1), corners.max(axis=1))
+    assert len(done) >= 3 and done == sorted(set(done)) and done[-1] == len(triangles)
+    assert max(np.diff([0, *done])) < bvh.AT_ONCE + LEAF_TRIANGLES
+
+
+def test_the_two_triangles_of_a_quad_share_a_leaf():
+    vertices, triangles = terrain(64)
+    tree = build_over(vertices, np.concatenate([triangles[:1], triangles]).astype(np.uint32), lambda done: None)
+    for first, count in zip(tree.first[tree.count > 0], tree.count[tree.count > 0], strict=True):
+        inside = tree.order[first : first + count]
+        assert 1 <= count <= LEAF_TRIANGLES and (np.diff(inside) > 0).all()
+    quad = np.empty(len(tree.order), int)
+    quad[tree.order] = np.repeat(np.arange(np.count_nonzero(tree.count)), tree.count[tree.count > 0])
+    assert (quad[1::2] == quad[2::2]).mean() > 0.9
 
 
 @pytest.mark.parametrize(("quads", "layers"), [(512, 1), (256, 2)])

@@ -84,6 +84,17 @@ def test_probabilities_are_shares_of_the_power(gpu) -> None:
         assert np.allclose(np.abs(got[rows < 2, 1, :3]), (0, 0, 1), atol=1e-6)
 
 
+def test_copies_in_one_place_are_one_light(gpu) -> None:
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad(1.0, 1.0, material=lamp(b))))
+    b.camera(translation=(0.0, 0.0, 6.0))
+    one = b.build()
+    there = np.stack([np.eye(4), np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])])
+    scene = replace(one, nodes=replace(one.nodes, instances={0: there}))
+    with opened(gpu, scene, choose_camera(scene), (16, 9)) as hits:
+        assert np.array_equal(hits.attributes.emitters["draw"], [0, 0, 2, 2])
+
+
 @pytest.mark.parametrize("kind", ["strong", "all", "none"])
 def test_what_counts_as_light(gpu, kind: str) -> None:
     b = SceneBuilder()

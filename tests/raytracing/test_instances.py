@@ -58,6 +58,18 @@ def test_a_primitive_with_many_copies_is_stored_once(monkeypatch):
     assert len(table.rigid) == 50 and table.merged[0].draws.tolist() == [50]
 
 
+def test_a_copy_in_the_place_of_another_is_in_no_tree():
+    """Neither of a still node nor of one that moves: a ray would meet the earlier one."""
+    scene = make_scene(WALL)
+    at = np.tile(np.eye(4), (5, 1, 1))
+    at[:, 0, 3] = 0, 1, 0, 2, 1
+    scene = replace(scene, nodes=replace(scene.nodes, instances={1: at}))
+    draws = build_geometry(scene).draws
+    assert len(draws) == 5 and instance_table(scene, draws).merged[0].draws.tolist() == [0, 1, 3]
+    moves = replace(scene, channels=(channel(1, "translation", [[0, 0, 0], [1, 0, 0]]),))
+    assert instance_table(moves, draws).rigid.tolist() == [0, 1, 3]
+
+
 def test_two_levels_answer_as_one(gpu, monkeypatch):
     """Every draw an instance of its own, against all of them in one tree: the same primitives at the same distances."""
     scene = load_scene(ASSETS / "demo.glb")

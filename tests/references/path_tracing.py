@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -150,69 +151,106 @@ def trace(
     """
     n = len(points)
     table = sample_table(first_sample, samples, seed)
-    sums = {
-        name: np.zeros((n, 3)) for name in ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
-    }
+    sums = {f"{bounce}_{lobe}": np.zeros((n, 3)) for bounce in ("direct", "indirect") for lobe in ("diffuse", "glossy")}
     hit_distance, hits = np.zeros(n), np.zeros(n)
     for k in range(samples):
-
-        def numbers(vertex: int, block: int, k: int = k) -> Array:
-            words = table[k, vertex * BLOCKS_PER_VERTEX + block]
-            return (words >> np.uint32(8)) / float(1 << 24)
-
+        numbers = partial(_numbers, table[k])
         diffuse, glossy = _next_event(scene, points, normals, to_viewer, material, numbers, 0, first_source)
-        sums["direct_diffuse"] += diffuse
-        sums["direct_glossy"] += glossy
+        _add(sums, "direct", diffuse, glossy)
         lit = _subpath(scene, numbers(SUBPATH_VERTEX, SCATTER)) if scene.segments and bounces > 1 else None
         if lit is not None:
-            diffuse, glossy = _connect(scene, lit, points, normals, to_viewer, material)
-            sums["indirect_diffuse"] += diffuse
-            sums["indirect_glossy"] += glossy
+            _add(sums, "indirect", *_connect(scene, lit, points, normals, to_viewer, material))
         direction, pdf, diffuse, glossy, alive = _scatter(material, normals, to_viewer, numbers(0, SCATTER))
         throughput, origin, cell = np.ones((n, 3)), _above(points, normals), scene.cell_of(points)
         for vertex in range(1, bounces + 1):
-            rows, distance = closest_hit(scene.triangles, origin, direction, np.full(n, np.inf))
-            hit = alive & (rows >= 0)
-            found = np.zeros((n, 3))
-            missed = alive & (rows < 0)
-            found[missed] = (throughput * _environment(scene, direction, pdf))[missed]
+            end = _ray_end(scene, origin, direction)
+            found = np.where(alive[:, None], _arriving(scene, end, direction, pdf, cell, throughput), 0.0)
+            alive = alive & end.hit
             if vertex == 1:
-                hit_distance += np.where(hit, distance, 0.0)
-                hits += hit
-            safe = np.where(hit, rows, 0)
-            corners = scene.triangles[safe]
-            normal = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-            normal = np.where(np.sum(normal * direction, axis=1, keepdims=True) > 0, -normal, normal)
-            point = origin + direction * np.where(hit, distance, 0.0)[:, None]
-            if len(scene.emitter_triangles):
-                p_light = _emitter_pdf(scene, safe, cell, corners, normal, direction, distance)
-                found[hit] = (throughput * scene.emission[safe] * _heuristic(pdf, p_light)[:, None])[hit]
-            name = "direct" if vertex == 1 else "indirect"
-            sums[f"{name}_diffuse"] += found * diffuse
-            sums[f"{name}_glossy"] += found * glossy
-            alive = hit
+                hit_distance += np.where(alive, end.distance, 0.0)
+                hits += alive
+            _add(sums, "direct" if vertex == 1 else "indirect", found * diffuse, found * glossy)
             if vertex == bounces or not alive.any():
                 break
-            here = scene.material(safe)
-            cosine = np.abs(np.sum(normal * direction, axis=1))
-            before = pdf, np.where(hit, distance, 0.0) ** 2 / np.maximum(cosine, 1e-12)
-            lobes = _next_event(scene, point, normal, -direction, here, numbers, vertex, 0, before)
-            if lit is not None and vertex < bounces - 1:
-                connected = _connect(scene, lit, point, normal, -direction, here)
-                lobes = lobes[0] + connected[0], lobes[1] + connected[1]
-            arrived = np.where(alive[:, None], throughput * (lobes[0] + lobes[1]), 0.0)
-            sums["indirect_diffuse"] += arrived * diffuse
-            sums["indirect_glossy"] += arrived * glossy
+            here = scene.material(end.row)
+            light = _vertex_light(
+                scene, end, direction, pdf, here, numbers, vertex, lit if vertex < bounces - 1 else None
+            )
+            arrived = np.where(alive[:, None], throughput * light, 0.0)
+            _add(sums, "indirect", arrived * diffuse, arrived * glossy)
             u = numbers(vertex, SCATTER)
-            direction, pdf, f_diffuse, f_glossy, going = _scatter(here, normal, -direction, u)
+            direction, pdf, f_diffuse, f_glossy, going = _scatter(here, end.normal, -direction, u)
             throughput = throughput * (f_diffuse + f_glossy)
-            alive, origin, peak = alive & going, _above(point, normal), throughput.max(axis=1)
-            cell = scene.cell_of(point)
+            alive, origin, cell = alive & going, _above(end.point, end.normal), scene.cell_of(end.point)
             if vertex >= ROULETTE_FROM:
-                survival = np.clip(peak, LEAST_SURVIVAL, 1.0)
+                survival = np.clip(throughput.max(axis=1), LEAST_SURVIVAL, 1.0)
                 alive = alive & (u[3] < survival)
                 throughput = throughput / survival[:, None]
     return PathLight(**sums, hit_distance=hit_distance, hits=hits)
+
+
+def _add(sums: dict[str, Array], bounce: str, diffuse: Array, glossy: Array) -> None:
+    sums[f"{bounce}_diffuse"] += diffuse
+    sums[f"{bounce}_glossy"] += glossy
+
+
+@dataclass(frozen=True)
+class _RayEnd:
+    """Where rays end: on a triangle, with a unit normal that faces the origin.  Undefined without a hit."""
+
+    hit: Array  # (n,) bool
+    row: Array  # (n,) of the triangle, 0 without a hit
+    distance: Array  # (n,)
+    corners: Array  # (n, 3, 3)
+    normal: Array  # (n, 3)
+    point: Array  # (n, 3)
+
+
+def _ray_end(scene: TraceScene, origin: Array, direction: Array) -> _RayEnd:
+    """The first surface along rays from ``origin`` (n, 3) in unit ``direction`` (n, 3)."""
+    rows, distance = closest_hit(scene.triangles, origin, direction, np.full(len(origin), np.inf))
+    hit = rows >= 0
+    row = np.where(hit, rows, 0)
+    corners = scene.triangles[row]
+    normal = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    normal = np.where(np.sum(normal * direction, axis=1, keepdims=True) > 0, -normal, normal)
+    point = origin + direction * np.where(hit, distance, 0.0)[:, None]
+    return _RayEnd(hit, row, distance, corners, normal, point)
+
+
+def _arriving(scene: TraceScene, end: _RayEnd, direction: Array, pdf: Array, cell: Array, throughput: Array) -> Array:
+    """Light of emitters and environment along rays, times ``throughput``, weighted against next-event estimation."""
+    out = throughput * _environment(scene, direction, pdf)
+    out[end.hit] = 0.0
+    if len(scene.emitter_triangles):
+        p_light = _emitter_pdf(scene, end.row, cell, end.corners, end.normal, direction, end.distance)
+        out[end.hit] = (throughput * scene.emission[end.row] * _heuristic(pdf, p_light)[:, None])[end.hit]
+    return out
+
+
+def _vertex_light(
+    scene: TraceScene,
+    end: _RayEnd,
+    direction: Array,
+    pdf: Array,
+    material: SurfaceMaterial,
+    numbers: Callable[[int, int], Array],
+    vertex: int,
+    lit: tuple[int, int, Array, Array] | None,
+) -> Array:
+    """Light that the ends of rays scatter back, both lobes, by next-event estimation and connection to ``lit``."""
+    cosine = np.abs(np.sum(end.normal * direction, axis=1))
+    before = pdf, np.where(end.hit, end.distance, 0.0) ** 2 / np.maximum(cosine, 1e-12)
+    diffuse, glossy = _next_event(scene, end.point, end.normal, -direction, material, numbers, vertex, 0, before)
+    if lit is not None:
+        more = _connect(scene, lit, end.point, end.normal, -direction, material)
+        diffuse, glossy = diffuse + more[0], glossy + more[1]
+    return diffuse + glossy
+
+
+def _numbers(words: Array, vertex: int, block: int) -> Array:
+    """Four numbers in [0, 1) of a block of a vertex.  ``words``: those of a sample."""
+    return (words[vertex * BLOCKS_PER_VERTEX + block] >> np.uint32(8)) / float(1 << 24)
 
 
 def _scatter(material: SurfaceMaterial, n: Array, v: Array, u: Array) -> tuple[Array, Array, Array, Array, Array]:

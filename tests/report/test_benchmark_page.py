@@ -20,15 +20,17 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("size", [(1280, 720), (390, 844)], ids=lambda size: str(size[0]))
-def test_tables_are_shown_and_nothing_overflows(browser, page_file, size):
+def test_tables_are_shown_and_nothing_overflows(browser, page_file):
     methods = json.loads(RECORDED.read_text(encoding="utf-8"))["methods"]
-    for page in opened(browser, page_file, viewport={"width": size[0], "height": size[1]}):
-        assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+    for page in opened(browser, page_file):
+        for width, height in ((1280, 720), (390, 844)):
+            page.set_viewport_size({"width": width, "height": height})
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
         rows = page.locator("table tbody th").all_inner_texts()  # a method runs in some of the tracks
         assert set(methods) <= set(rows)
 
 
+@pytest.mark.long  # of the usual run, tests/report/test_full_report.py opens Firefox
 def test_firefox_shows_the_tables(firefox, page_file):
     page = firefox(page_file, "table tbody th")
     assert page.execute_script("return document.documentElement.scrollWidth <= innerWidth")

@@ -55,8 +55,9 @@ def made(session_gpu, tmp_path_factory) -> SimpleNamespace:
     return SimpleNamespace(out=out, run=run, distances=distances, other=other, masks=masks)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def page(browser, made) -> Iterator[Any]:
+    """The report, opened once: each test leaves its thresholds, zoom and probe as it found them."""
     for page in opened(browser, made.out / "report.html"):
         ready(page)
         yield page
@@ -94,6 +95,12 @@ def stage_box(page: Any) -> dict[str, float]:
 
 def repainted(page: Any) -> None:
     page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def reset(page: Any) -> None:
+    """Back to the thresholds of the run."""
+    page.get_by_role("button", name=re.compile("Reset")).click()
+    repainted(page)
 
 
 def test_files_of_a_full_report(made):
@@ -135,8 +142,7 @@ def test_shares_and_masks_at_other_thresholds_are_those_of_a_run_at_them(page, m
     readout = page.locator("#plots .readout").inner_text()
     assert all(share in readout for share in shares)
     # Back at the thresholds of the run: its counts.
-    page.get_by_role("button", name=re.compile("Reset")).click()
-    repainted(page)
+    reset(page)
     found = frame_counts(page)
     assert {name: found[name] for name in COUNTED} == {name: made.run.frames[-1][name] for name in COUNTED}
 
@@ -184,8 +190,7 @@ def test_the_headline_at_other_thresholds_is_that_of_a_run_at_them(page, made):
     assert found["rates"] == rates_of(summary) != rates_of(made.run.summary)
     assert found["bars"] == bars_of(summary) != bars_of(made.run.summary) and len(found["bars"]) > 3
     assert f"all {summary['pairs']} pairs" in found["live"]
-    page.get_by_role("button", name=re.compile("Reset")).click()
-    repainted(page)
+    reset(page)
     assert page.locator(".headline").inner_text() == before
 
 
@@ -265,6 +270,7 @@ def test_reasons_that_the_distances_do_not_tell_are_dashes(page, made):
     found = frame_counts(page)
     assert {found[name] for name in ("disoccluded", "occluding", "lit", "shadowed")} == {None}
     assert found["position"] > 0 and found["reusable_shading"] is not None
+    reset(page)
 
 
 def test_probe_names_reasons_and_distances_of_the_pixel(page, made):
@@ -452,61 +458,77 @@ def test_options_that_a_full_report_cannot_serve(tmp_path):
 # ---- screens, keyboard, screen reader
 
 
-SCREENS = [(1280, 720), (1920, 1080), (390, 844)]
-
-
-@pytest.mark.parametrize("size", SCREENS, ids=lambda size: str(size[0]))
-def test_nothing_overflows_and_no_sliders_overlap(browser, both, size):
-    phone = size[0] < 500
-    for page in opened(browser, both, viewport={"width": size[0], "height": size[1]}, has_touch=phone, is_mobile=phone):
+@pytest.fixture(scope="module")
+def phone(browser, both) -> Iterator[Any]:
+    for page in opened(browser, both, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True):
         ready(page)
-        page.locator("[data-mode=runs]").click()
-        page.locator("[data-layout=side]").click()
-        page.wait_for_selector(".stage:visible >> nth=1")
-        assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
-        boxes = [hit.bounding_box() for hit in page.locator(".handle .hit").all()]
-        assert len(boxes) == len(FEATURES) + 1
-        for a, b in itertools.combinations(boxes, 2):
-            apart = a["y"] + a["height"] <= b["y"] + 1 or b["y"] + b["height"] <= a["y"] + 1
-            assert apart, (a, b)
-        assert min(box["height"] for box in boxes) >= 24
+        yield page
 
 
-def test_bars_of_reasons_fit_on_a_phone(browser, made):
+def check_layout(page: Any, width: int) -> None:
+    """Two runs side by side: nothing is wider than the window, and no slider covers another."""
+    page.locator("[data-mode=runs]").click()
+    page.locator("[data-layout=side]").click()
+    page.wait_for_selector(".stage:visible >> nth=1")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    boxes = [hit.bounding_box() for hit in page.locator(".handle .hit").all()]
+    assert len(boxes) == len(FEATURES) + 1
+    for a, b in itertools.combinations(boxes, 2):
+        apart = a["y"] + a["height"] <= b["y"] + 1 or b["y"] + b["height"] <= a["y"] + 1
+        assert apart, (width, a, b)
+    assert min(box["height"] for box in boxes) >= 24
+
+
+def test_nothing_overflows_and_no_sliders_overlap_on_a_phone(phone):
+    check_layout(phone, 390)
+
+
+def test_nothing_overflows_and_no_sliders_overlap_on_screens(browser, both):
+    for page in opened(browser, both):
+        ready(page)
+        for size in ((1280, 720), (1920, 1080)):
+            page.set_viewport_size(dict(zip(("width", "height"), size)))
+            check_layout(page, size[0])
+
+
+def test_bars_of_reasons_fit_on_a_phone(page, made):
     names = {term.label for term in TERMS.values()}
     spans = """box => [...box.querySelectorAll('.bars th, .bars td, .bars i')].map(e => {
         const here = e.getBoundingClientRect(), all = box.getBoundingClientRect();
         return [e.textContent.trim(), here.left - all.left, here.right - all.left, all.width] })"""
-    for page in opened(browser, made.out / "report.html", viewport={"width": 360, "height": 844}):
-        ready(page)
-        box = page.locator(".headline")
-        for moved in (False, True):
-            if moved:
-                for name, edge in LOWER.items():
-                    set_threshold(page, made, name, edge)
-                counted(page)
-            shown = box.evaluate(spans)
-            assert sum(text in names for text, *_ in shown) > 3
-            assert all(left >= -1 and right <= room + 1 for _, left, right, room in shown)
+    usual = page.viewport_size
+    page.set_viewport_size({"width": 360, "height": 844})
+    box = page.locator(".headline")
+    for moved in (False, True):
+        if moved:
+            for name, edge in LOWER.items():
+                set_threshold(page, made, name, edge)
+            counted(page)
+        shown = box.evaluate(spans)
+        assert sum(text in names for text, *_ in shown) > 3
+        assert all(left >= -1 and right <= room + 1 for _, left, right, room in shown)
+    page.set_viewport_size(usual)
+    reset(page)
 
 
-def test_definitions_open_by_touch(browser, both):
-    for page in opened(browser, both, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True):
-        row = page.locator(".reason", has=page.locator("[data-reason=disoccluded]"))
-        checked = row.locator("input").is_checked()
-        row.locator(".tip").tap()
-        tip = page.locator("#tip")
-        assert "The surface was hidden" in tip.inner_text()
-        box = tip.bounding_box()
-        assert box["x"] >= 0 and box["x"] + box["width"] <= 390
-        assert row.locator("input").is_checked() == checked
-        page.keyboard.press("Escape")
-        assert not tip.is_visible()
-        page.locator("dl.figure .tip").first.tap()
-        assert tip.is_visible()
+def test_definitions_open_by_touch(phone):
+    row = phone.locator(".reason", has=phone.locator("[data-reason=disoccluded]"))
+    checked = row.locator("input").is_checked()
+    row.locator(".tip").tap()
+    tip = phone.locator("#tip")
+    assert "The surface was hidden" in tip.inner_text()
+    box = tip.bounding_box()
+    assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+    assert row.locator("input").is_checked() == checked
+    phone.keyboard.press("Escape")
+    assert not tip.is_visible()
+    phone.locator("dl.figure .tip").first.tap()
+    assert tip.is_visible()
 
 
-def test_keys_alone_reach_a_threshold_and_are_answered(page, made):
+def test_keys_alone_reach_a_threshold_and_are_answered(page):
+    page.reload()
+    ready(page)
     for _ in range(60):
         page.keyboard.press("Tab")
         outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")

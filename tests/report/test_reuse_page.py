@@ -98,6 +98,7 @@ def viewer(browser, viewer_file):
     yield from opened(browser, viewer_file)
 
 
+@pytest.mark.long
 def test_firefox_draws_images_and_plots(firefox, viewer_file):
     page = firefox(viewer_file, ".stage[data-frame]")
     script = """const c = document.querySelector(".stage canvas");

@@ -57,13 +57,21 @@ def page_file(runs, tmp_path_factory) -> Path:
     return write_html_report(loaded, tmp_path_factory.mktemp("page") / "report.html")
 
 
-@pytest.fixture
-def page(browser, page_file) -> Iterator[Any]:
+@pytest.fixture(scope="module")
+def opened_page(browser, page_file) -> Iterator[Any]:
     yield from opened(browser, page_file)
 
 
+@pytest.fixture
+def page(opened_page) -> Any:
+    """The page of both runs at frame 7, opened once: tests leave masks and thresholds as they found them."""
+    opened_page.locator("#frame").fill("6")
+    opened_page.locator("[data-mode=masks]").click()
+    shown_frame(opened_page, 7)
+    return opened_page
+
+
 def test_keys_move_the_frame_slider(page):
-    shown_frame(page, 7)  # the worst frame is shown first
     slider = page.locator("#frame")
     slider.focus()
     page.keyboard.press("ArrowRight")
@@ -97,8 +105,10 @@ def test_switch_changes_the_pixels_of_its_reason_only(page):
 
 def test_opacity_slider_sets_the_alpha_of_the_mask(page):
     opacity = page.locator(".opacity input")
+    before = opacity.input_value()
     opacity.fill("25")
     assert set(np.unique(mask_pixels(page)[..., 3])) == {round(255 * 0.25)}
+    opacity.fill(before)
 
 
 def test_divider_splits_reprojected_history_and_current_frame(page):
@@ -170,6 +180,7 @@ def test_triangle_moves_all_thresholds(page):
     page.keyboard.press("PageDown")
     values = {page.locator(f"[data-live={f}]").get_attribute("data-threshold") for f in ("color", "position", "direct")}
     assert len(values) == 1 and float(values.pop()) < 32 / 255
+    page.get_by_role("button", name=re.compile("Reset")).click()
 
 
 def test_hover_reads_a_pair_and_click_shows_it(page, runs):
@@ -201,16 +212,16 @@ def test_theme_follows_the_system_and_the_button(browser, page_file, scheme):
         assert (brightness[0] > brightness[1]) == (scheme == "light")
 
 
-@pytest.mark.parametrize("width", [320, 768])
-def test_narrow_screens_scroll_vertically_only(browser, page_file, width):
-    size = {"width": width, "height": 700}
-    for page in opened(browser, page_file, viewport=size, has_touch=True, is_mobile=True):
+def test_narrow_screens_scroll_vertically_only(browser, page_file):
+    for page in opened(browser, page_file, viewport={"width": 320, "height": 700}, has_touch=True, is_mobile=True):
         wide = "[...document.querySelectorAll('body *')].filter(e => e.getBoundingClientRect().right > innerWidth + 1"
         wide += " && !e.closest('.wide, nav')).map(e => e.tagName + '.' + e.className.baseVal + e.className)"
-        assert page.evaluate(wide) == []
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        page.locator(".reason label").first.tap()
-        assert not page.locator(".reason input").first.is_checked()
+        for width, checked in ((320, False), (768, True)):
+            page.set_viewport_size({"width": width, "height": 700})
+            assert page.evaluate(wide) == []
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            page.locator(".reason label").first.tap()
+            assert page.locator(".reason input").first.is_checked() == checked
 
 
 def test_print_shows_all_details_and_no_controls(browser, page_file):
@@ -234,7 +245,8 @@ def test_first_image_is_drawn_before_the_load_event_ends(browser, page_file):
     page = context.new_page()
     page.add_init_script("addEventListener('load', () => { atLoad = document.querySelector('.stage').dataset.frame; })")
     page.goto(page_file.as_uri())
-    assert page.evaluate("atLoad") == page.evaluate("document.querySelector('.stage').dataset.frame") is not None
+    shown = page.evaluate("document.querySelector('.stage').dataset.frame")
+    assert page.evaluate("atLoad") == shown == "7", "the worst frame"
     context.close()
 
 

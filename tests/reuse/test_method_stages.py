@@ -28,19 +28,6 @@ def test_stages_are_loaded_and_shown(tmp_path):
     assert [s["missing"] for s in json.loads(shown.output)["stages"]] == [None, "no color box"]
 
 
-def test_stages_of_the_built_in_methods():
-    """Missing: what concerns inputs that frames have here anyway.  All others have every stage."""
-    methods = {path.name: load_method(path.name) for path in BUILTIN.iterdir() if (path / "method.toml").exists()}
-    missing = {name: {s.name for s in m.stages if not s.done} for name, m in methods.items()}
-    assert {name: found for name, found in missing.items() if found} == {
-        "reblur-class": {"checkerboard_input"},
-        "fsr2-class": {"auto_reactive"},
-    }
-    assert all(
-        methods[name].stages for name in ("svgf", "asvgf", "bmfr", "fsr2-class", "reblur-class", "taa_clip", "ris")
-    )
-
-
 def test_stages_of_a_class():
     class Plain:
         reads = ("radiance",)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from reuse_tools import PLAIN_GLSL, PLAIN_TOML, write_method
 from taubench_gl.errors import MethodError
 from taubench_gl.reuse.contract import FORMATS
 from taubench_gl.reuse.frame import INPUTS
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.loading import builtin_methods, load_method
 
 PASS = '[[pass]]\nshader = "a.glsl"\nwrites = ["result"]\n'
 READS = 'reads = ["radiance", "motion"]\n'
@@ -269,14 +267,9 @@ def test_empty_folder_is_no_method(tmp_path):
     assert caught.value.where == str(tmp_path / "method.toml")
 
 
-def test_validation_opens_no_context():
-    code = (
-        "import sys; import moderngl; moderngl.create_context = None; from taubench_gl.reuse.loading import *\n"
-        "for name in builtin_methods(): load_method(name)\n"
-        "assert 'glcontext' not in sys.modules"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
+def test_validation_opens_no_context(monkeypatch):
+    monkeypatch.setattr("moderngl.create_context", None)
+    assert [load_method(name).name for name in builtin_methods()] == list(builtin_methods())
 
 
 def test_every_input_has_a_type_in_glsl():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import operator
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +14,6 @@ from test_reuse_methods import rotation, warp
 
 from taubench_gl.animation import View
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.metrics import blending
-from taubench_gl.paths import SHADERS
-from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.synthetic import LENS
 from taubench_gl.srgb import LUMINANCE
 
@@ -223,16 +218,3 @@ def test_catmull_rom_reproduces_parabolas():
     expected = 0.3 * at[..., :1] ** 2 - at[..., :1]
     np.testing.assert_allclose(reference.sample_history(values, at, "catmull_rom"), expected, atol=1e-12)
     assert np.abs(reference.sample_history(values, at, "bilinear") - expected).max() > 0.01
-
-
-def test_references_cited_by_shaders_exist():
-    """The header line ``Reference`` of the built-in methods and of the include names functions of the references."""
-    cited = set()
-    for path in [*BUILTIN.glob("*/*.glsl"), SHADERS / "common" / "reuse.glsl"]:
-        pattern = r"Reference\s+(references\.reuse_methods|metrics\.blending)([^\n]*)"
-        for module, names in re.findall(pattern, path.read_text()):
-            for name in re.findall(r"\w+(?:\.\w+)*", names):
-                operator.attrgetter(name)(blending if module == "metrics.blending" else reference)
-                cited.add(name)
-    assert len(cited) >= 12
-    assert all(load_method(name).cite for name in builtin_methods())

@@ -418,7 +418,7 @@ class PathTracing(Owner):
             self._rays = range(0, max(most, 1) * frame.exact_light, LIGHT_CHUNK)
         frame.emitter_cells = sum(len(first) for first, _ in tables)
         if "emitters" in sources:
-            first, entries = cell_choice(self.attributes.groups.importance(self._grid, frame.placement))
+            first, entries = self.attributes.groups.choice(self._grid, frame.placement)
             tables.append((first + np.int32(sum(len(entries) for _, entries in tables)), entries))
         firsts, entries = (np.concatenate(parts) for parts in zip(*tables, strict=True))
         for name, payload in (("light_cells", firsts.tobytes()), ("light_entries", entries.tobytes() or bytes(8))):

@@ -5,6 +5,8 @@ their boxes, stored depth first with skip pointers, which need no stack to trave
 Tracing", 1998).
 
 A tree is a pure function of its boxes.  Its depth is bounded: boxes that no plane separates are halved by number.
+Triangles that follow each other and whose boxes overlap, such as the two of a quad, are one box of two triangles: they
+would share a leaf anyway, and half as many boxes take half the time and memory.
 """
 
 from __future__ import annotations
@@ -52,7 +54,7 @@ class Tree:
 AT_ONCE = 1 << 17
 """Boxes that get their leaf between two reports of how far the builder is."""
 
-SAMPLED = 1024
+SAMPLED = 2048
 """The plane of a node of twice as many boxes is found from this many to twice as many, one of each n in a row.
 
 Which one of the n changes by the golden ratio: every n-th box of a mesh whose rows have n triangles is one column.
@@ -60,6 +62,12 @@ Which one of the n changes by the golden ratio: every n-th box of a mesh whose r
 
 ONE_AXIS = 128
 """Most boxes of a node that is split along the longest axis of their centers, without a look at the others."""
+
+PAIR = 0.75
+"""Two triangles in a row share a box whose area is at most so much of the sum of theirs.
+
+It is half of it for the two of a quad, and all of it for neighbors of two quads.
+"""
 
 FEW = 16
 """Most boxes of a node whose planes are found by sorting: a fifth of the time of bins for nodes of a few boxes."""
@@ -80,8 +88,8 @@ _inlined = njit(inline="always")
 def build(low: Array, high: Array, leaf: int = LEAF_TRIANGLES) -> Tree:
     """A tree over the boxes ``low``, ``high`` (T, 3), finite; T >= 1.  ``leaf``: most boxes of a leaf."""
     boxes = np.zeros((len(low), 8), np.float32)
-    boxes[:, :3], boxes[:, 4:7] = low, -np.asarray(high)
-    return _build(boxes, leaf)
+    boxes[:, :3], boxes[:, 3], boxes[:, 4:7] = low, 1, -np.asarray(high)
+    return _build(boxes, np.arange(len(low) + 1, dtype=np.int32), leaf)
 
 
 def build_over(vertices: Array, triangles: Array, watch: Callable[[int], None]) -> Tree:
@@ -89,23 +97,24 @@ def build_over(vertices: Array, triangles: Array, watch: Callable[[int], None]) 
 
     ``watch`` gets the number of triangles that have their leaf, now and then.
     """
-    return _build(_boxes(vertices, triangles), LEAF_TRIANGLES, watch)
+    return _build(*_boxes(vertices, triangles), LEAF_TRIANGLES, watch)
 
 
-def _build(boxes: Array, leaf: int, watch: Callable[[int], None] = lambda done: None) -> Tree:
+def _build(boxes: Array, starts: Array, leaf: int, watch: Callable[[int], None] = lambda done: None) -> Tree:
+    """``starts`` (B + 1,) int32: first triangle of each of the ``boxes`` (B, 8), and the number of triangles."""
     n = len(boxes)
     size = max(2 * n - 1, 1)
     nodes_of, order = np.empty((size, 8), np.float32), np.arange(n, dtype=np.int32)
     right, first, count = (np.empty(size, np.int32) for _ in range(3))
     # Ranges still to do: begin, end, depth, node whose second child this is (-1: none).
     stack, state, spare = np.empty((MAX_DEPTH + 64, 4), np.int64), np.array([1, 0, 0]), np.empty(n, np.int32)
-    stack[0] = 0, n, 0, -1
+    stack[0], found = (0, n, 0, -1), np.empty(starts[-1], np.int32)
     while state[0]:
-        _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state, spare)
+        _grow(boxes, starts, leaf, order, found, nodes_of, right, first, count, stack, state, spare)
         watch(int(state[2]))
     nodes = state[1]
     # Views: what lies behind them was never touched and takes no memory, copies would at the moment when most is taken.
-    return Tree(nodes_of[:nodes, :3], -nodes_of[:nodes, 4:7], right[:nodes], first[:nodes], count[:nodes], order)
+    return Tree(nodes_of[:nodes, :3], -nodes_of[:nodes, 4:7], right[:nodes], first[:nodes], count[:nodes], found)
 
 
 def skips(tree: Tree) -> Array:
@@ -118,18 +127,8 @@ def heights(tree: Tree) -> Array:
     return _heights(tree.right)
 
 
-# A box is eight numbers: its low corner, 0, its negated high corner, 0.  So a union is eight minima, one instruction.
-
-
-@_compiled
-def _boxes(vertices, triangles):
-    out = np.zeros((len(triangles), 8), np.float32)
-    for t in range(len(triangles)):
-        for k in range(3):
-            a, b, c = vertices[triangles[t, 0], k], vertices[triangles[t, 1], k], vertices[triangles[t, 2], k]
-            out[t, k] = min(a, b, c)
-            out[t, 4 + k] = -max(a, b, c)
-    return out
+# A box is eight numbers: its low corner, its triangles, its negated high corner, 0.  So a union is eight minima, one
+# instruction; that of two boxes does not say how many triangles it has.
 
 
 @_inlined
@@ -143,6 +142,31 @@ def _extend(box, other):
     """Extend ``box`` (8,) to contain ``other``."""
     for k in range(8):
         box[k] = other[k] if other[k] < box[k] else box[k]
+
+
+@_compiled
+def _boxes(vertices, triangles):
+    """Boxes (B, 8) of one triangle or of two in a row (PAIR), and their first triangles (B + 1,), the last one: T."""
+    boxes, starts = np.zeros((len(triangles), 8), np.float32), np.zeros(len(triangles) + 1, np.int32)
+    last, both = 0, np.empty(8, np.float32)
+    for t in range(len(triangles)):
+        box = boxes[last + 1 if t else 0]
+        for k in range(3):
+            a, b, c = vertices[triangles[t, 0], k], vertices[triangles[t, 1], k], vertices[triangles[t, 2], k]
+            box[k] = min(a, b, c)
+            box[4 + k] = -max(a, b, c)
+        box[3] = 1
+        if t:
+            both[:] = box
+            _extend(both, boxes[last])
+            if boxes[last, 3] == 1 and _area(both) <= np.float32(PAIR) * (_area(boxes[last]) + _area(box)):
+                boxes[last] = both
+                boxes[last, 3] = 2
+            else:
+                last += 1
+                starts[last] = t
+    starts[last + 1] = len(triangles)
+    return boxes[: last + 1], starts[: last + 2]
 
 
 @_inlined
@@ -177,18 +201,21 @@ def _bin_of(boxes, t, k, center_low, scale):
 
 @_compiled
 def _plane_of_many(boxes, order, begin, end, center_low, scale, bins, counts, right_area, run):
-    """Axis, last bin before the cheapest plane, and area times number of boxes of both sides; axis -1: none separates.
+    """Axis, last bin before the cheapest plane, area times triangles of both sides; axis -1: none separates.
 
-    ``bins`` (3, BINS, 8), ``counts`` (3, BINS): room for the boxes of each bin.
+    ``bins`` (3, BINS, 8), ``counts`` (3, BINS): room for boxes and triangles of each bin.
     """
     bins.fill(np.inf)
     counts.fill(0)
+    total = 0
     for i in range(begin, end):
         t = order[i]
+        size = np.int64(boxes[t, 3])
+        total += size
         for k in range(3):
             if scale[k] > 0:
                 b = _bin_of(boxes, t, k, center_low, scale)
-                counts[k, b] += 1
+                counts[k, b] += size
                 _extend(bins[k, b], boxes[t])
     axis, last_bin, least_cost = -1, 0, np.inf
     for k in range(3):
@@ -203,7 +230,7 @@ def _plane_of_many(boxes, order, begin, end, center_low, scale, bins, counts, ri
         for b in range(BINS - 1):
             running += counts[k, b]
             _extend(run, bins[k, b])
-            rest = end - begin - running
+            rest = total - running
             if running and rest:
                 cost = _area(run) * running + right_area[b + 1] * rest
                 if cost < least_cost:
@@ -214,7 +241,9 @@ def _plane_of_many(boxes, order, begin, end, center_low, scale, bins, counts, ri
 @_compiled
 def _plane_of_few(boxes, order, begin, end, center_low, scale, at, bins, right_area, run):
     """``_plane_of_many`` of at most FEW boxes, which sorts them by bin; ``at``, ``bins`` (FEW,): room for that."""
-    axis, last_bin, least_cost, n = -1, 0, np.inf, end - begin
+    axis, last_bin, least_cost, n, total = -1, 0, np.inf, end - begin, 0
+    for i in range(begin, end):
+        total += np.int64(boxes[order[i], 3])
     for k in range(3):
         if scale[k] == 0:
             continue
@@ -230,10 +259,12 @@ def _plane_of_few(boxes, order, begin, end, center_low, scale, at, bins, right_a
             _extend(run, boxes[at[i]])
             right_area[i] = _area(run)
         run.fill(np.inf)
+        running = 0
         for i in range(n - 1):
+            running += np.int64(boxes[at[i], 3])
             _extend(run, boxes[at[i]])
             if bins[i] < bins[i + 1]:
-                cost = _area(run) * (i + 1) + right_area[i + 1] * (n - 1 - i)
+                cost = _area(run) * running + right_area[i + 1] * (total - running)
                 if cost < least_cost:
                     axis, last_bin, least_cost = k, bins[i], cost
     return axis, last_bin, least_cost
@@ -275,10 +306,11 @@ def _push(stack, top, begin, end, depth, parent):
 
 
 @_compiled
-def _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state, spare):
-    """Add nodes until AT_ONCE more boxes have their leaf, or all have.
+def _grow(boxes, starts, leaf, order, found, nodes_of, right, first, count, stack, state, spare):
+    """Add nodes until AT_ONCE more triangles have their leaf, or all have.
 
-    ``state``: ranges in ``stack``, nodes so far, and boxes that have their leaf; ``spare`` (T,): room.
+    ``order`` (B,): boxes, ``found`` (T,): triangles as the leaves hold them; ``state``: ranges in ``stack``, nodes so
+    far, and triangles that have their leaf; ``spare`` (B,): room.
     """
     top, nodes, done, end_of_call = state[0], state[1], state[2], state[2] + AT_ONCE
     at, bin_of = np.empty(FEW, np.int32), np.empty(FEW, np.int64)
@@ -303,22 +335,27 @@ def _grow(boxes, leaf, order, nodes_of, right, first, count, stack, state, spare
         axis, last_bin, least_cost = -1, 0, np.inf
         if total > 1 and depth < MAX_DEPTH:
             if total <= FEW:
-                found = _plane_of_few(boxes, order, begin, end, center_low, scale, at, bin_of, areas, run)
+                plane = _plane_of_few(boxes, order, begin, end, center_low, scale, at, bin_of, areas, run)
             else:
-                found = _plane_of_many(boxes, sample, low, high, center_low, scale, bins, counts, areas, run)
-            axis, last_bin, least_cost = found
+                plane = _plane_of_many(boxes, sample, low, high, center_low, scale, bins, counts, areas, run)
+            axis, last_bin, least_cost = plane
         right[node], first[node], count[node] = -1, 0, 0
         if total <= leaf:
             box = nodes_of[node]
             box.fill(np.inf)
+            size = 0
             for i in range(begin, end):
+                size += np.int64(boxes[order[i], 3])
                 _extend(box, boxes[order[i]])
             area = _area(box)
             split_cost = NODE_COST * 2.0 * area + TRIANGLE_COST * least_cost
-            if axis < 0 or split_cost >= TRIANGLE_COST * area * total:
-                first[node], count[node] = begin, total
+            if size <= leaf and (axis < 0 or split_cost >= TRIANGLE_COST * area * size):
+                first[node], count[node] = done, size
                 _sort(order, begin, end)
-                done += total
+                for i in range(begin, end):
+                    for t in range(starts[order[i]], starts[order[i] + 1]):
+                        found[done] = t
+                        done += 1
                 continue
         middle = begin + total // 2
         if axis >= 0:

@@ -18,7 +18,7 @@ from taubench_gl.frame.materials import texels_at, transformed_uv
 from taubench_gl.frame.raytracing.hit_tables import HitOptions, hit_emission
 from taubench_gl.frame.raytracing.instances import changing_nodes
 from taubench_gl.frame.records import Placement
-from taubench_gl.metrics.stochastic import LightCells
+from taubench_gl.metrics.stochastic import LightCells, cell_choice
 from taubench_gl.scene.model import Material, Primitive, Scene, Texture
 from taubench_gl.srgb import LUMINANCE, srgb_decode
 
@@ -55,7 +55,8 @@ def emitter_table(
     ``extent``: square meters, its area and how far it moves in a posed draw.
     """
     materials = (Material(), *scene.materials)
-    rows = [i for i, d in enumerate(draws) if any(hit_emission(materials[d.material + 1], options))]
+    emits = [any(hit_emission(materials[d.material + 1], options)) and not d.repeats for d in draws]
+    rows = np.flatnonzero(emits).tolist()
     if not rows:
         return np.zeros(0, EMITTER)
     # What changes may show at other times than those of ``states``.
@@ -93,10 +94,10 @@ class EmitterGroups:
         self.count = len(self._first)
         self._posed = np.array([d.posed for d in draws], dtype=bool)[emitters["draw"]]
         self._placed: tuple[Array, ...] = ()
-        self._importance = np.zeros((0, 0))
+        self._choice: tuple[Array, Array] = cell_choice(np.zeros((0, 0)))
 
-    def importance(self, grid: LightCells, placement: Placement) -> Array:
-        """What each group brings to each cell of ``grid`` at ``placement``, (1 + cells, G) float64."""
+    def choice(self, grid: LightCells, placement: Placement) -> tuple[Array, Array]:
+        """What ``cell_choice`` returns for the groups at ``placement``, by what each brings to each cell."""
         e = self._emitters
         power = e["probability"] * placement.visible[e["draw"]]
         world = placement.world[e["draw"]]
@@ -107,8 +108,8 @@ class EmitterGroups:
             centers = np.add.reduceat(power[:, None] * at, self._first) / np.maximum(total, 1e-30)[:, None]
             extents = np.add.reduceat(e["extent"], self._first)
             everywhere = np.full(self.count, True)
-            self._importance = grid.importance(centers, total, np.zeros(self.count), everywhere, extents)
-        return self._importance
+            self._choice = cell_choice(grid.importance(centers, total, np.zeros(self.count), everywhere, extents))
+        return self._choice
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ import numpy as np
 from taubench_gl.animation import Poser
 from taubench_gl.animation.curves import varies
 from taubench_gl.animation.pose import moved_nodes
-from taubench_gl.frame.geometry import Draw
+from taubench_gl.frame.geometry import Draw, instanced_draws
 from taubench_gl.math3d import bounds
 from taubench_gl.scene.model import Scene
 
@@ -45,7 +45,7 @@ class MergedDraws:
 
 @dataclass(frozen=True, slots=True)
 class InstanceTable:
-    """The classes of all draws.  Draws that are never visible, and still, are in none."""
+    """The classes of all draws.  Draws that are never visible, and still, or that repeat others are in none."""
 
     merged: tuple[MergedDraws, ...]
     rigid: Array  # (R,) int64 rows, ascending
@@ -64,17 +64,17 @@ def instance_table(scene: Scene, draws: tuple[Draw, ...], poser: Poser | None = 
     node = np.array([d.node for d in draws], dtype=np.int64)
     posed = np.array([d.posed for d in draws], dtype=bool)
     world = state.world[node].reshape(-1, 4, 4)
-    for i, draw in enumerate(draws):
-        if draw.local is not None:
-            world[i] = world[i] @ draw.local
+    instanced, local = instanced_draws(draws)
+    world[instanced] = world[instanced] @ local
     changes = changing_nodes(scene)[node]
     never = ~changes & ~state.visible[node]
     still = ~posed & ~changes & ~never
     still &= ~_too_often(draws, still)
     rows = np.flatnonzero(still)
     low, high = _boxes(scene, draws, rows, world)
-    groups = [MergedDraws(rows[g], _center(low[g], high[g])) for g in _by_scale(low, high)]
-    rigid = np.flatnonzero(~posed & ~still & ~never)
+    distinct = np.array([not d.repeats for d in draws], dtype=bool)
+    groups = [MergedDraws(rows[g][distinct[rows[g]]], _center(low[g], high[g])) for g in _by_scale(low, high)]
+    rigid = np.flatnonzero(~posed & ~still & ~never & distinct)
     return InstanceTable(tuple(groups), rigid, np.flatnonzero(posed & ~never), world)
 
 

@@ -108,9 +108,11 @@ def node_texels(tree: Tree, first_triangle: int) -> Array:
 
 
 def triangle_texels(corners: Array, triangle: Array, draw: Array, flags: Array) -> Array:
-    """Texels (T, 3, 4) uint32 of triangles with ``corners`` (T, 3, 3) float32 in grid units; the rest (T,)."""
-    out = np.empty((len(corners), TRIANGLE_TEXELS, 4), np.uint32)
-    out[:, :, :3] = np.ascontiguousarray(corners, np.float32).view(np.uint32)
+    """Texels (T, 3, 4) uint32 of triangles; the rest (T,).
+
+    ``corners`` (T, 3, 4) float32: in grid units, and a number that the texels take the place of.
+    """
+    out = corners.view(np.uint32)
     out[:, 0, 3], out[:, 1, 3], out[:, 2, 3] = triangle, draw, flags
     return out
 

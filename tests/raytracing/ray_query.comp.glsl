@@ -1,4 +1,4 @@
-// Answers rays from a texture: for tests and measurements of the traversal.
+// Answers rays from a texture, for tests of the traversal.
 //
 // Reads   ray_origins (xyz: origin, w: t_max), ray_directions, ray_normals (0: the origin is used as it is)
 // Writes  hits (t, draw or -1, triangle), weights; with ANY_HIT only whether something was hit
