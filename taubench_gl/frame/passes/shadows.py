@@ -214,29 +214,32 @@ class FaceDrawer:
         ``ordered``: of equal depths the first one drawn counts, in the order of the scene's draws.
         """
         triangles = frame.buffers.triangles
-        many = [self._gpu.software and triangles[s.shown.draws].sum() >= occlusion.LARGE for *_, s in stale]
-        plain, large = ([f for f, on in zip(stale, many, strict=True) if on == which] for which in (False, True))
+        queues = {
+            i: occlusion.NearestFirst(s.shown, s.rect, triangles)
+            for i, (*_, s) in enumerate(stale)
+            if self._gpu.software and triangles[s.shown.draws].sum() >= occlusion.LARGE
+        }
 
-        def draw(faces: list[PlacedFace], draws: list[Array], clear: bool = True) -> None:
+        def draw(numbers: Iterable[int], draws: list[Array], clear: bool) -> None:
+            faces = [stale[i] for i in numbers]
             drawn = [(face, place, some) for (face, place, _), some in zip(faces, draws, strict=True)]
             self.draw(frame, drawn, variant_of, anchor=anchor, parts=[s.rect for *_, s in faces], clear=clear)
 
-        draw(plain, [s.shown.draws for *_, s in plain])
-        queues = [occlusion.NearestFirst(s.shown, s.rect, triangles) for *_, s in large]
+        nearest = [queues[i].take() if i in queues else s.shown.draws for i, (*_, s) in enumerate(stale)]
+        draw(range(len(stale)), nearest, clear=True)
         for turn in range(occlusion.TURNS):
-            draw(large, [queue.take() for queue in queues], clear=turn == 0)
-            for queue, (_, place, _) in zip(queues, large, strict=True):
-                queue.leave_out(self._depths(place, queue.rect))
-        if ordered:
-            draw(large, [queue.seen for queue in queues])
-        else:
-            draw(large, [queue.rest.draws for queue in queues], clear=False)
+            if turn:
+                draw(queues, [queue.take() for queue in queues.values()], clear=False)
+            for i, queue in queues.items():  # the reading also waits for what is drawn (``_upload_frames``)
+                queue.leave_out(self._depths(stale[i][1], queue.rect))
+        draw(queues, [queue.seen if ordered else queue.rest.draws for queue in queues.values()], clear=ordered)
 
     def _depths(self, place: tuple[int, int], rect: Rect) -> Array:
         """Reversed depth in ``rect`` of the face at ``place``, (h, w) float32, row 0 at the bottom."""
-        viewport = (place[0] + rect[0], place[1] + rect[1], *rect[2:])
+        (x, y), (dx, dy, width, height) = place, rect
+        viewport = x + dx, y + dy, width, height
         depths = self._framebuffer.read(viewport=viewport, components=1, attachment=-1, dtype="f4")
-        return np.frombuffer(depths, np.float32).reshape(rect[:1:-1])
+        return np.frombuffer(depths, np.float32).reshape(height, width)
 
     def _upload_frames(self, matrices: list[Array], stale: Sequence[tuple[Face, tuple[int, int], Array]]) -> None:
         """Two records per face, for fixed and for posed draws, all written before the first draw.
