@@ -307,6 +307,15 @@ def _push(stack, top, begin, end, depth, parent):
 
 
 @_compiled
+def _enclose(nodes_of, right, count, nodes):
+    """Give the inner ones of the first ``nodes`` nodes the union of their children's boxes."""
+    for node in range(nodes - 1, -1, -1):  # children come after their parent
+        if count[node] == 0:
+            for k in range(8):
+                nodes_of[node, k] = min(nodes_of[node + 1, k], nodes_of[right[node], k])
+
+
+@_compiled
 def _grow(boxes, starts, leaf, order, found, nodes_of, right, first, count, stack, state, spare):
     """Add nodes until AT_ONCE more triangles have their leaf, or all have.
 
@@ -365,10 +374,7 @@ def _grow(boxes, starts, leaf, order, found, nodes_of, right, first, count, stac
         _push(stack, top + 1, begin, middle, depth + 1, -1)
         top += 2
     if top == 0:
-        for node in range(nodes - 1, -1, -1):  # children come after their parent
-            if count[node] == 0:
-                for k in range(8):
-                    nodes_of[node, k] = min(nodes_of[node + 1, k], nodes_of[right[node], k])
+        _enclose(nodes_of, right, count, nodes)
     state[0], state[1], state[2] = top, nodes, done
 
 
