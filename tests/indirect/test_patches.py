@@ -36,7 +36,7 @@ def room_of_lamps() -> Scene:
 
 def test_a_surface_that_a_mapped_light_sees_reflects_its_later_bounces_once():
     """Patches keep out of later bounces where VPLs of maps are: the share of either is 0 or 1."""
-    found = vpls(room_of_lamps(), indirect="probes", shadow_lights=1, shadow_size=32)
+    found = vpls(room_of_lamps(), indirect="probes", indirect_samples=1024, shadow_lights=1, shadow_size=32)
     drawn = found[found["position"][:, 3] > 0.0]
     mapped, patches = drawn[: len(drawn) - 1024], drawn[-1024:]
     assert np.all(mapped["albedo"][:, 3] == 1.0)
