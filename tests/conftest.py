@@ -52,9 +52,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """From here on garbage is collected, without a look at what collecting the tests has made."""
+    """From here on garbage is collected, rarely, without a look at what collecting the tests has made."""
     gc.freeze()
     gc.enable()
+    gc.set_threshold(100_000)
 
 
 def _shared_data() -> Path | None:

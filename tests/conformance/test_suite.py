@@ -123,7 +123,8 @@ def test_rejection_is_scored():
     from dataclasses import replace
 
     def exact(truth, frames):
-        return [replace(f, rejected=~truth.frame(k).valid) for k, f in enumerate(frames)]
+        # Wrong where nothing is scored, at outlines.
+        return [replace(f, rejected=~truth.frame(k).valid ^ truth.frame(k).edge) for k, f in enumerate(frames)]
 
     def none(truth, frames):
         return [replace(f, rejected=np.zeros_like(f.sky)) for f in frames]
