@@ -68,7 +68,7 @@ def look_down(b: SceneBuilder, half: float, height: float = 8.0, center=(0.0, 0.
     """A parallel camera above the plane y = 0: pixels are equal areas of it, -Z is up in the image."""
     return b.camera(
         translation=(center[0], height, center[1]), rotation=turn_x(-90.0), kind="orthographic",
-        xmag=half, ymag=half, znear=0.01, zfar=2.0 * height,
+        xmag=half, ymag=half, znear=0.01, zfar=1.5 * height,
     )  # fmt: skip
 
 
