@@ -206,6 +206,21 @@ def test_no_import_cycle():
 
 
 @pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        ("from taubench_gl.gpu.b import f", "from taubench_gl.gpu.a import g"),
+        ("def f():\n    from taubench_gl.gpu.b import f", "from .a import g"),
+        ("if TYPE_CHECKING:\n    from taubench_gl.gpu import b", "import taubench_gl.gpu.a"),
+    ],
+    ids=["module", "function", "TYPE_CHECKING"],
+)
+def test_a_cycle_is_found(a, b):
+    texts = {PACKAGE / "gpu" / "a.py": a, PACKAGE / "gpu" / "b.py": b}
+    assert set(cycle_in(import_graph(texts))) == {"taubench_gl.gpu.a", "taubench_gl.gpu.b"}
+    assert not cycle_in(import_graph(texts | {PACKAGE / "gpu" / "b.py": "import numpy"}))
+
+
+@pytest.mark.parametrize(
     ("file", "text", "rule"),
     [
         ("metrics/x.py", "import moderngl", "moderngl"),
@@ -282,6 +297,17 @@ def test_every_file_is_opened_and_created_by_a_gate():
     assert all(stray_openings((PACKAGE / name).read_text(encoding="utf-8")) for name in MAY_OPEN)
 
 
+@pytest.mark.parametrize(
+    "text",
+    ["open(path)", "with path.open('rb') as f: pass", "path.open()", "path.read_bytes()",
+     "(folder / 'x').write_text('')", "np.load(path)", "OpenEXR.File(str(path))", "Image.open(path)",
+     "shutil.copyfile(a, b)", "os.open(file, 0)",
+     "open(file)", "partial.touch()"],
+)  # fmt: skip
+def test_stray_openings_are_found(text):
+    assert stray_openings(text)
+
+
 def test_packages_without_gl_do_not_load_moderngl():
     packages = sorted(f"taubench_gl.{package}" for package in NO_GL if (PACKAGE / package).is_dir() or package == "run")
     packages += [f"taubench_gl.{name}" for name in NO_GL_MODULES]
@@ -332,6 +358,12 @@ def test_no_file_names_a_machine_or_a_registry():
     faults = lines_with(MACHINE, every)
     faults += [f"{name}: {host}" for name, text in every for host in REGISTRY if host in text]
     assert not faults, "\n".join(faults)
+
+
+def test_the_patterns_match_paths_and_hosts():
+    assert MACHINE.search("open('" + "/".join(["", "home", "me", "x.glb"]) + "')")
+    assert not MACHINE.search("shared/root/x") and not MACHINE.search("homework / root")
+    assert any(host in "https://" + "pypi" + ".org/simple" for host in REGISTRY)
 
 
 @pytest.mark.parametrize("made", OWNED)

@@ -202,15 +202,15 @@ def test_a_step_larger_than_the_scene_is_refused():
 @pytest.mark.usefixtures("plots")
 def test_sweep_writes_a_table_and_plots(tmp_path, gpu):
     out = tmp_path / "sweep"
-    arguments = [str(DEMO), "--sweep", "yaw=0:9:2", "--size", "32x18", "--columns", "frustum", "--seconds", "0.1"]
+    arguments = [str(DEMO), "--sweep", "yaw=0:9:3", "--size", "32x18", "--columns", "frustum", "--seconds", "0.1"]
     done = CliRunner().invoke(cli, ["stress", *arguments, "--out", str(out)])
     assert done.exit_code == 0, done.output
     with open(out / "sweep.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [float(row["requested_yaw_deg"]) for row in rows] == [0.0, 9.0]
-    np.testing.assert_allclose([float(row["mean_yaw_deg"]) for row in rows], [0, 9], atol=1e-9)
+    assert [float(row["requested_yaw_deg"]) for row in rows] == [0.0, 4.5, 9.0]
+    np.testing.assert_allclose([float(row["mean_yaw_deg"]) for row in rows], [0, 4.5, 9], atol=1e-9)
     frustum = [float(row["frustum_percent"]) for row in rows]
-    assert frustum[0] == 0.0 < frustum[1]
+    assert frustum[0] == 0.0 and np.all(np.diff(frustum) > 0)
     assert rows[0]["color_percent"] == "" and rows[0]["pairs"] == "6" and rows[0]["fps"] == "60.0"
     assert (out / "sweep.png").stat().st_size > 5000 and (out / "sweep.svg").is_file()
     table = (out / "sweep.csv").read_bytes()

@@ -26,7 +26,7 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.model import Camera, Channel
+from taubench_gl.scene.model import Camera, Channel, Scene
 
 SIZE = (96, 54)
 CHANNELS = ("position", "normal", "prev_position", "ids")
@@ -43,7 +43,7 @@ def circling(center, radius: float) -> FormulaCamera:
     return FormulaCamera(LENS, lambda t: (np.add(center, [0.0, 0.0, radius]), rotation_about("y", 300.0 * t)))
 
 
-def field() -> object:
+def field() -> Scene:
     """Nine tiles around the origin; the first one climbs."""
     tiles = [quad([x - 0.5, -1, z - 0.5], [1, 0, 0], [0, 1.5, 0]) for x in (-3, 0, 3) for z in (-3, 0, 3)]
     times, values = np.array([0.0, 1.0], np.float32), np.array([[0, 0, 0], [0, 1, 0]], np.float32)
@@ -83,15 +83,17 @@ def test_bounds_that_are_not_finite_are_kept() -> None:
     ]  # fmt: skip
 
 
+def two_renderers(gpu: Gpu, scene: Scene | Path) -> tuple[Renderer, Renderer]:
+    """Of a scene, or of a file, with a camera that turns in its middle."""
+    scene = load_scene(scene) if isinstance(scene, Path) else scene
+    middle = np.concatenate([p.positions for m in scene.meshes for p in m.primitives]).mean(axis=0)
+    one, other = (Renderer(GpuContext(gpu), scene, circling(middle, 0.1), SIZE, CHANNELS) for _ in range(2))
+    return one, other
+
+
 @pytest.mark.parametrize("name", ["field", *SCENES])
 def test_what_the_camera_cannot_see_changes_no_pixel(gpu: Gpu, name: str, request) -> None:
-    if name == "field":
-        scene, camera = field(), circling((0, 0, 0), 0.2)
-    else:
-        scene = load_scene(request.getfixturevalue("data") / name)
-        points = np.concatenate([p.positions for m in scene.meshes for p in m.primitives])
-        camera = circling(points.mean(axis=0), 0.1)
-    culled, whole = (Renderer(GpuContext(gpu), scene, camera, SIZE, CHANNELS) for _ in range(2))
+    culled, whole = two_renderers(gpu, field() if name == "field" else request.getfixturevalue("data") / name)
     whole._seen = lambda view, placement: np.ones(len(whole.draws), dtype=bool)
     left_out = 0
     for frame in range(8):
@@ -104,7 +106,7 @@ def test_what_the_camera_cannot_see_changes_no_pixel(gpu: Gpu, name: str, reques
         renderer.release()
 
 
-def walls() -> object:
+def walls() -> Scene:
     """Rows of walls one behind the other, twice in the same places."""
     rows = [quad([x - 1, -1, z], [1.9, 0, 0.1], [0, 2, 0]) for z in range(-1, -30, -2) for x in range(-9, 10, 2)]
     return make_scene(*rows, *rows)
@@ -115,14 +117,8 @@ def test_what_is_hidden_changes_no_pixel(gpu: Gpu, name: str, request, monkeypat
     """All channels and the count of hidden backs are those of the whole scene; of equal surfaces the same one is
     seen.
     """
-    if name == "walls":
-        scene, camera = walls(), circling((0, 0, 0), 0.1)
-    else:
-        scene = load_scene(request.getfixturevalue("data") / name)
-        points = np.concatenate([p.positions for m in scene.meshes for p in m.primitives])
-        camera = circling(points.mean(axis=0), 0.1)
     monkeypatch.setattr(gbuffer, "PIXELS_PER_TRIANGLE", 1 << 40)  # no depth pre-pass
-    part, whole = (Renderer(GpuContext(gpu), scene, camera, SIZE, CHANNELS) for _ in range(2))
+    part, whole = two_renderers(gpu, walls() if name == "walls" else request.getfixturevalue("data") / name)
     left_out = 0
     for frame in range(8):
         for renderer, least in ((part, 0), (whole, 1 << 40)):

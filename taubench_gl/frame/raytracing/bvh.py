@@ -5,8 +5,8 @@ their boxes, stored depth first with skip pointers, which need no stack to trave
 Tracing", 1998).
 
 A tree is a pure function of its boxes.  Its depth is bounded: boxes that no plane separates are halved by number.
-Triangles that follow each other and whose boxes overlap, such as the two of a quad, are one box of two triangles: they
-would share a leaf anyway, and half as many boxes take half the time and memory.
+Two triangles in a row that fill much the same box, as those of a quad do, enter as one box (PAIR): they would share a
+leaf in any case, and half as many boxes take half the time and memory.
 """
 
 from __future__ import annotations
